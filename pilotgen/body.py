@@ -1,0 +1,78 @@
+"""Biometrics -> Body: lengths, inertia, strength and muscles of one pilot.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotgen.biometrics import Biometrics
+
+SEGMENTS = ("humerus", "radius", "ulna", "hand")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One rigid body of a limb, in its own ISB-like frame (origin at its proximal joint centre, y toward proximal)."""
+
+    name: str  # humerus, radius, ulna, hand
+    length_m: float
+    mass_kg: float
+    com_m: np.ndarray  # (3,) centre of mass in the segment frame
+    inertia_kg_m2: np.ndarray  # (3, 3) about the centre of mass, segment axes
+
+
+@dataclass(frozen=True)
+class Muscle:
+    """One straight Hill bundle. Bodies are "torso" (GH-centred torso axes) or a segment name; points in their frames."""
+
+    name: str
+    full_name: str
+    origin_body: str
+    origin_m: np.ndarray  # (3,)
+    insertion_body: str
+    insertion_m: np.ndarray  # (3,)
+    F0_N: float
+    l0_m: float
+    V0_m_per_s: float
+
+
+@dataclass(frozen=True)
+class Limb:
+    """One arm. Everything is already mirrored for the left side (z -> -z)."""
+
+    side: str  # "left" | "right"
+    segments: dict[str, Segment]
+    muscles: tuple[Muscle, ...]
+    # joint geometry, each point/axis in the frame of the segment named last [m]
+    HU_in_humerus: np.ndarray  # humero-ulnar hinge centre (the ulna's origin)
+    HR_in_humerus: np.ndarray  # humero-radial sphere centre (the radius' origin)
+    elbow_axis_in_humerus: np.ndarray  # unit vectors; the tilts make the carrying angle
+    elbow_axis_in_ulna: np.ndarray
+    UH_in_radius: np.ndarray  # point of the radius that slides along the ulna's y axis
+    W_in_radius: np.ndarray  # wrist centre (the hand's origin)
+    wrist_flexion_axis_in_radius: np.ndarray  # cardano axis 3 (fixed in the radius)
+    wrist_deviation_axis_in_hand: np.ndarray  # cardano axis 2 (fixed in the hand)
+    grip_in_hand: np.ndarray  # grip centre
+    # anatomical pose (arm hanging, palm forward) in torso axes: segment -> origin (3,), axes (3, 3) columns
+    anatomical_origin_m: dict[str, np.ndarray]
+    anatomical_axes: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Body:
+    """One pilot's body."""
+
+    biometrics: Biometrics
+    limbs: dict[str, Limb]  # by side
+    sitting_height_m: float
+    eye_height_sitting_m: float
+    acromial_height_sitting_m: float
+    biacromial_breadth_m: float
+    hip_breadth_sitting_m: float
+    strength_factor: float  # F0 over the reference subject's F0
+    carrying_angle_deg: float
+    extrapolated: tuple[str, ...]  # biometrics outside the range of the source data, in words

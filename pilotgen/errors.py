@@ -1,0 +1,44 @@
+"""The exceptions a user may see: one sentence that says what came, what was wanted, where, and what to do next.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+
+class PilotgenError(Exception):
+    """Base of every error that pilotgen reports without a traceback."""
+
+
+class StudyError(PilotgenError):
+    """The study file, a data file or a command line value is wrong. The message names file, line and key."""
+
+
+class FileError(PilotgenError):
+    """A file or directory cannot be read, written or recognised."""
+
+
+class EvaluationError(PilotgenError):
+    """One pilot cannot be evaluated; the study goes on.
+
+    Parameters
+    ----------
+    stage : str
+        The room of the house where it happened: "biometrics", "body", "posture", "activation", "solver", ...
+    reason : str
+        One sentence for an ergonomist or engineer, with numbers and units.
+    """
+
+    def __init__(self, stage: str, reason: str) -> None:
+        super().__init__(f"{stage}: {reason}")
+        self.stage = stage
+        self.reason = reason
+
+    def __reduce__(self) -> tuple[type["EvaluationError"], tuple[str, str]]:
+        return (type(self), (self.stage, self.reason))
+
+
+class SolverError(EvaluationError):
+    """The solver refused a deck, did not converge, died or took too long."""
+
+
+class MatrixError(PilotgenError):
+    """A matrices file is not what it should be."""

@@ -1,0 +1,299 @@
+// What a deck says, once read: plain data, no syntax, no mechanics.
+//
+// The reader (deck/) fills these structures and resolves everything that the input language resolves while reading:
+// expressions, reference frames, labels. Every offset and orientation below is expressed in the frame of the node it
+// belongs to, every node pose and velocity in the global frame. The mechanics (model/) builds its elements from them.
+// SI units throughout: m, kg, s, N, N m, rad.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "mbdae/model/drive.h"
+
+namespace mbdae {
+
+using Vec3 = Eigen::Vector3d;
+using Vec6 = Eigen::Matrix<double, 6, 1>;
+using Mat3 = Eigen::Matrix3d;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
+
+/// Where a card stands in the input: index into Deck::files, line and column counted from 1.
+struct SourcePosition {
+  int file = 0;
+  int line = 0;
+  int column = 0;
+};
+
+/// Index of a node in Deck::nodes.
+using NodeIndex = std::size_t;
+
+/// A label and the name it goes by.
+///
+/// The name is the lower-case identifier when the label was written as a named constant (`HAND_L` -> "hand_l"),
+/// otherwise "node 3", "joint 101", "body 5", ...
+struct Identity {
+  std::uint32_t label = 0;
+  std::string name;
+  SourcePosition where;
+};
+
+// ---- nodes -------------------------------------------------------------------------------------------------------
+
+enum class NodeKind { dynamic_node, static_node };
+
+/// A structural node. Dummy nodes own no unknowns: they are kept in Deck::dummy_nodes for output only.
+struct NodeData {
+  Identity id;
+  NodeKind kind = NodeKind::dynamic_node;  ///< as the deck says; `model: static` is Deck::control.static_model
+  Vec3 x = Vec3::Zero();                   ///< position, global [m]
+  Mat3 R = Mat3::Identity();               ///< orientation, columns = node axes in global components
+  Vec3 v = Vec3::Zero();                   ///< velocity, global [m/s]
+  Vec3 w = Vec3::Zero();                   ///< absolute angular velocity, global components [rad/s]
+};
+
+struct DummyNodeData {
+  Identity id;
+  NodeIndex base = 0;
+  Vec3 offset = Vec3::Zero();      ///< in the base node's frame [m]
+  Mat3 rotation = Mat3::Identity();  ///< relative to the base node
+};
+
+// ---- constitutive laws -------------------------------------------------------------------------------------------
+// N = 1, 3 or 6 components; N = 1 uses 1x1 Eigen types so that one template serves all.
+
+/// f = prestress + K (eps - prestrain(t)) + C epsdot
+template <int N>
+struct LinearLaw {
+  Eigen::Matrix<double, N, N> K = Eigen::Matrix<double, N, N>::Zero();
+  Eigen::Matrix<double, N, N> C = Eigen::Matrix<double, N, N>::Zero();
+  Eigen::Matrix<double, N, 1> prestress = Eigen::Matrix<double, N, 1>::Zero();
+  VectorDrive<N> prestrain;
+};
+
+/// Component by component: f = prestress + K1 e + K2 |e| e + K3 e^3 (+ C epsdot), e = eps - prestrain(t). N = 1, 3.
+template <int N>
+struct CubicLaw {
+  Eigen::Matrix<double, N, 1> K1, K2, K3;
+  Eigen::Matrix<double, N, N> C = Eigen::Matrix<double, N, N>::Zero();
+  Eigen::Matrix<double, N, 1> prestress = Eigen::Matrix<double, N, 1>::Zero();
+  VectorDrive<N> prestrain;
+};
+
+enum class MuscleModel { pennestri, erf };
+enum class ShortRangeModel { exponential, linear };
+
+/// Reflex a = a0 + Kp (x - x_ref) + Kd v. Gains and reference length are drives (functions of time).
+struct ReflexData {
+  DrivePtr proportional_gain;  ///< Kp [-]
+  DrivePtr derivative_gain;    ///< Kd [-]
+  DrivePtr reference_length;   ///< l_ref [m]; x_ref = l_ref / L0
+};
+
+struct ShortRangeData {
+  ShortRangeModel model = ShortRangeModel::exponential;
+  double gamma = 280.0;
+  double delta = 5.7e-3;
+};
+
+/// Muscle law of a rod: f = prestress + F0 (f1(x) f2(v) a + f3(x)), x = (Li/L0)(1 + eps - prestrain), v = (Li/V0) epsdot.
+struct MuscleLaw {
+  MuscleModel model = MuscleModel::pennestri;
+  double Li = 0.0;  ///< initial length [m]
+  double L0 = 0.0;  ///< reference (optimal) length [m]
+  double V0 = 0.0;  ///< reference velocity [m/s]
+  double F0 = 0.0;  ///< reference force [N]
+  DrivePtr activation;
+  bool activation_check = false;  ///< clip a to [0, 1]
+  bool ergonomy = false;          ///< evaluate at zero velocity
+  std::optional<ReflexData> reflex;
+  std::optional<ShortRangeData> short_range;
+  double prestress = 0.0;  ///< [N]
+  DrivePtr prestrain;      ///< null pointer = none
+};
+
+using Law1 = std::variant<LinearLaw<1>, CubicLaw<1>, MuscleLaw>;
+using Law3 = std::variant<LinearLaw<3>, CubicLaw<3>>;
+using Law6 = std::variant<LinearLaw<6>>;
+
+// ---- joints ------------------------------------------------------------------------------------------------------
+
+struct ClampData {
+  NodeIndex node;
+  Vec3 X;  ///< clamped position, global [m]
+  Mat3 R;  ///< clamped orientation
+  std::optional<Vec6> initial_reaction;  ///< F, M global [N, N m]
+};
+
+struct SphericalHingeData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;  ///< hinge point in node 1, 2
+};
+
+struct SphericalPinData {
+  NodeIndex node;
+  Vec3 d;   ///< in the node
+  Vec3 X0;  ///< global
+};
+
+struct RevoluteHingeData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;
+  Mat3 R1h, R2h;  ///< hinge frames in node 1, 2; free axis = 3
+  std::optional<double> initial_theta;
+  std::optional<Eigen::Matrix<double, 5, 1>> initial_reaction;  ///< F global, M1, M2 local
+};
+
+struct RevolutePinData {
+  NodeIndex node;
+  Vec3 d;
+  Mat3 Rh;
+  Vec3 X0;
+  Mat3 R0;  ///< global
+  std::optional<double> initial_theta;
+};
+
+struct CardanoHingeData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;
+  Mat3 R1h, R2h;  ///< axis 3 of R1h stays orthogonal to axis 2 of R2h
+};
+
+struct CardanoPinData {
+  NodeIndex node;
+  Vec3 d;
+  Mat3 Rh;
+  Vec3 X0;
+  Mat3 R0;
+};
+
+/// A point of node 2 moves along axis 3 of Rv, through p in node 1.
+struct InLineData {
+  NodeIndex node1, node2;
+  Vec3 p;
+  Mat3 Rv;
+  Vec3 q;  ///< offset in node 2
+};
+
+enum class TotalComponent { inactive, position, velocity };  // "position" = rotation for the orientation group
+
+struct TotalJointData {
+  NodeIndex node1, node2;
+  Vec3 f1, f2;
+  Mat3 R1h, R1hr, R2h, R2hr;  ///< position and rotation orientations in node 1, 2
+  std::array<TotalComponent, 3> position{}, rotation{};
+  VectorDrive<3> position_drive, rotation_drive;  ///< imposed relative position [m], rotation vector [rad] (or rates)
+};
+
+struct TotalPinData {
+  NodeIndex node;
+  Vec3 fn;          ///< in the node
+  Mat3 Rnh, Rnhr;   ///< in the node
+  Vec3 Xc;          ///< global
+  Mat3 Rch, Rchr;   ///< global
+  std::array<TotalComponent, 3> position{}, rotation{};
+  VectorDrive<3> position_drive, rotation_drive;
+};
+
+struct RodData {
+  NodeIndex node1, node2;
+  Vec3 f1 = Vec3::Zero(), f2 = Vec3::Zero();
+  double L0 = 0.0;  ///< reference length [m]; `from nodes` is resolved by the reader
+  Law1 law;
+};
+
+struct DeformableHingeData {
+  NodeIndex node1, node2;
+  Mat3 R1h, R2h;
+  Law3 law;
+};
+
+struct DeformableJointData {
+  NodeIndex node1, node2;
+  Vec3 f1, f2;
+  Mat3 R1h, R2h;
+  Law6 law;
+};
+
+using JointKind = std::variant<ClampData, SphericalHingeData, SphericalPinData, RevoluteHingeData, RevolutePinData,
+                               CardanoHingeData, CardanoPinData, InLineData, TotalJointData, TotalPinData, RodData,
+                               DeformableHingeData, DeformableJointData>;
+
+struct JointData {
+  Identity id;
+  JointKind kind;
+};
+
+// ---- bodies, forces, gravity -------------------------------------------------------------------------------------
+
+struct BodyData {
+  Identity id;
+  NodeIndex node = 0;
+  double m = 0.0;                 ///< [kg]
+  Vec3 d = Vec3::Zero();          ///< centre of mass in the node frame [m]
+  Mat3 J_cm = Mat3::Zero();       ///< inertia about the centre of mass, node axes [kg m^2]
+};
+
+enum class ForceFrame { absolute, follower };
+
+struct ForceData {
+  Identity id;
+  ForceFrame frame = ForceFrame::absolute;
+  bool couple = false;
+  NodeIndex node = 0;
+  Vec3 arm = Vec3::Zero();  ///< in the node frame [m]; unused by couples
+  VectorDrive<3> value;     ///< [N] or [N m]
+};
+
+// ---- analysis ----------------------------------------------------------------------------------------------------
+
+struct EigenanalysisData {
+  std::vector<double> times;  ///< [s]
+  double parameter = 1.0;     ///< c = parameter / 2 [s]
+  SourcePosition where;
+};
+
+enum class MethodKind { ms, implicit_euler, crank_nicolson, other };
+
+struct InitialValueData {
+  double initial_time = 0.0, final_time = 0.0, time_step = 0.0;  ///< [s]; final_time may be infinite (`forever`)
+  MethodKind method = MethodKind::ms;
+  std::string method_text;                 ///< as written, for messages
+  double rho = 0.6, rho_algebraic = 0.6;   ///< asymptotic spectral radii of `ms`
+  double tolerance = 1e-6;
+  int max_iterations = 20;
+  double derivatives_tolerance = 1e-6;
+  int derivatives_max_iterations = 20;
+  double derivatives_coefficient = 1e-6;
+  std::optional<EigenanalysisData> eigenanalysis;
+};
+
+struct ControlData {
+  bool static_model = false;
+  bool skip_initial_joint_assembly = false;
+};
+
+struct Deck {
+  std::vector<std::string> files;  ///< files[0] = the deck, then includes in order of appearance
+  InitialValueData initial_value;
+  ControlData control;
+  std::vector<NodeData> nodes;     ///< in deck order: the order of the unknowns
+  std::vector<DummyNodeData> dummy_nodes;
+  std::vector<BodyData> bodies;
+  std::vector<JointData> joints;   ///< in deck order, rods and deformable elements included
+  std::vector<ForceData> forces;   ///< forces and couples in deck order
+  std::optional<VectorDrive<3>> gravity;  ///< uniform acceleration [m/s^2], global components
+};
+
+}  // namespace mbdae

@@ -1,0 +1,66 @@
+// Drives: scalar functions of time with their first and second time derivatives, and vectors made of them.
+//
+// Derivatives are needed because driven constraints enter the velocity and acceleration constraints.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+#include <memory>
+#include <vector>
+
+namespace mbdae {
+
+/// A value with its first and second time derivative.
+struct Jet {
+  double value = 0.0;
+  double rate = 0.0;
+  double second = 0.0;
+};
+
+/// A scalar function of time [s].
+class Drive {
+ public:
+  virtual ~Drive() = default;
+
+  /// Value and derivatives at time t. At kinks (ramp ends) the derivative of the branch entered at t.
+  virtual Jet at(double t) const = 0;
+
+  double value(double t) const { return at(t).value; }
+};
+
+using DrivePtr = std::shared_ptr<const Drive>;
+
+/// The constant drive; also what a bare number in a deck becomes.
+class ConstDrive final : public Drive {
+ public:
+  explicit ConstDrive(double value) : value_(value) {}
+  Jet at(double) const override { return {value_, 0.0, 0.0}; }
+
+ private:
+  double value_;
+};
+
+/// A vector function of time: sum of constant directions times drives. Empty = zero.
+template <int N>
+struct VectorDrive {
+  using Vector = Eigen::Matrix<double, N, 1>;
+  struct Term {
+    Vector direction;
+    DrivePtr drive;
+  };
+  std::vector<Term> terms;
+
+  /// Value (derivative = 0), rate (1) or second derivative (2) at time t.
+  Vector at(double t, int derivative = 0) const {
+    Vector sum = Vector::Zero();
+    for (const Term& term : terms) {
+      const Jet jet = term.drive->at(t);
+      sum += term.direction * (derivative == 0 ? jet.value : derivative == 1 ? jet.rate : jet.second);
+    }
+    return sum;
+  }
+};
+
+}  // namespace mbdae
