@@ -1,0 +1,59 @@
+// The door of the analysis rooms: a Deck in, results out.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "mbdae/dae/linearised_model.h"
+#include "mbdae/deck/deck.h"
+
+namespace mbdae {
+
+/// An analysis did not converge. The message names the node or joint and equation with the largest residual.
+class NotConverged : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// The deck asks for something that the mechanics cannot do (message for a person).
+class ModelError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct StaticOptions {
+  double tolerance = 1e-10;  ///< 2-norm of the equilibrium residual, scaled [N, N m, m, rad]
+  int max_iterations = 50;
+  int load_steps = 16;       ///< of the fallback when Newton with line search fails
+};
+
+struct LineariseOptions {
+  std::optional<double> c;  ///< [s]; default: the deck's `parameter` / 2, 0.01 without an eigenanalysis card
+  /// State to impose before linearising, instead of the one the deck implies: full y vector (positions and rotations
+  /// entries ignored, momenta and reactions used). For comparison with files of other programs.
+  std::optional<Eigen::VectorXd> state;
+};
+
+struct IntegrateOptions {
+  std::string integrator = "ida";  ///< "ida" or "ms"
+  double rtol = 1e-8, atol = 1e-10;
+  std::optional<double> final_time, time_step;  ///< override the deck's
+  int output_every = 1;                          ///< time steps between rows
+  std::vector<std::string> channels;             ///< empty = all
+  std::function<void(double)> progress;          ///< called with the time reached; may be empty
+};
+
+/// Static equilibrium of a `model: static` deck, linearised there.
+LinearisedModel solve_static(const Deck& deck, const StaticOptions& options);
+
+/// The deck's state with consistent momenta, accelerations and reactions, linearised.
+LinearisedModel linearise(const Deck& deck, const LineariseOptions& options);
+
+/// Time history from the deck's state.
+Motion integrate(const Deck& deck, const IntegrateOptions& options);
+
+}  // namespace mbdae
