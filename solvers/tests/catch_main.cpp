@@ -1,0 +1,5 @@
+// The main function that every test executable shares.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#define CATCH_CONFIG_MAIN
+#include <catch2/catch.hpp>
