@@ -1,0 +1,194 @@
+"""Every evaluation on disk as it finishes: crash-safe, and the cache of what was computed before.
+
+One SQLite file (write-ahead log) per output directory. The key of an evaluation is the hash of everything that determines
+its result, so a row can be served to any later run that asks the same question.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pilotgen.errors import FileError
+
+JOURNAL_VERSION = 1
+JOURNAL_NAME = "journal.sqlite"
+
+_SCHEMA = """
+CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE evaluation (
+    key TEXT PRIMARY KEY,
+    inputs TEXT NOT NULL,       -- JSON: name -> value in study units
+    status TEXT NOT NULL,       -- ok | failed
+    result TEXT NOT NULL,       -- JSON: the result object
+    cpu_s REAL NOT NULL         -- CPU time of the evaluation, children included
+) WITHOUT ROWID;
+"""
+
+
+def evaluation_key(fingerprint: str, inputs: Mapping[str, float]) -> str:
+    """Hash of everything that determines a result: the fingerprint of study, data, code and solver, and the inputs."""
+    text = json.dumps([fingerprint, sorted((name, float(value).hex()) for name, value in inputs.items())])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Record:
+    """One evaluation as it stands in the journal."""
+
+    key: str
+    inputs: dict[str, float]
+    status: str  # "ok" | "failed"
+    result: dict[str, Any]
+    cpu_s: float
+
+
+class Journal:
+    """The evaluations of one output directory.
+
+    Opening creates the file. Every `add` is one transaction: what it returned from is safe against the death of this
+    process. Raises FileError, in words, for a full disk, a read-only directory or a damaged file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._db = sqlite3.connect(path, isolation_level=None, timeout=30.0)
+            self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.execute("PRAGMA synchronous=NORMAL")
+            self._open_schema()
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+
+    def _open_schema(self) -> None:
+        tables = {row[0] for row in self._db.execute("SELECT name FROM sqlite_master WHERE type='table'")}
+        if not tables:
+            with self._transaction():
+                for statement in _SCHEMA.split(";"):
+                    if statement.strip():
+                        self._db.execute(statement)
+                self._db.execute("INSERT INTO meta VALUES ('journal_version', ?)", (str(JOURNAL_VERSION),))
+            return
+        if not {"meta", "evaluation"} <= tables:
+            raise FileError(f"{self.path}: is an SQLite file but not a pilotgen journal; choose another output directory")
+        row = self._db.execute("SELECT value FROM meta WHERE name='journal_version'").fetchone()
+        if row is None or row[0] != str(JOURNAL_VERSION):
+            raise FileError(
+                f"{self.path}: journal version {row[0] if row else 'unknown'}, this program writes version {JOURNAL_VERSION}; "
+                "choose another output directory"
+            )
+        check = self._db.execute("PRAGMA quick_check(1)").fetchone()
+        if check is None or check[0] != "ok":
+            raise sqlite3.DatabaseError(check[0] if check else "quick_check gave no answer")
+
+    def _transaction(self) -> _Transaction:
+        return _Transaction(self._db)
+
+    def _explain(self, error: sqlite3.Error) -> FileError:
+        text = str(error).lower()
+        if "full" in text:
+            what = "the disk is full; free some space and run again with --resume (nothing recorded so far is lost)"
+        elif "readonly" in text or "read-only" in text:
+            what = "the journal cannot be written (read-only file or directory); change its permissions or choose another directory"
+        elif "unable to open" in text:
+            what = "the journal cannot be opened; check that the directory exists and is writable"
+        elif "malformed" in text or "not a database" in text or "corrupt" in text or "disk image" in text:
+            what = (
+                f"the journal is damaged ({error}); move it aside and run again without --resume, "
+                f"or recover its rows with: sqlite3 {self.path} .recover"
+            )
+        elif "locked" in text or "busy" in text:
+            what = "the journal is in use by another run"
+        else:
+            what = f"the journal failed: {error}"
+        return FileError(f"{self.path}: {what}")
+
+    def get_meta(self, name: str) -> str | None:
+        """A named text stored beside the evaluations, or None."""
+        try:
+            row = self._db.execute("SELECT value FROM meta WHERE name=?", (name,)).fetchone()
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+        return None if row is None else str(row[0])
+
+    def set_meta(self, name: str, value: str) -> None:
+        """Store a named text beside the evaluations."""
+        try:
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+
+    def get(self, key: str) -> Record | None:
+        """The evaluation with this key, or None."""
+        try:
+            row = self._db.execute(
+                "SELECT key, inputs, status, result, cpu_s FROM evaluation WHERE key=?", (key,)
+            ).fetchone()
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+        return None if row is None else self._record(row)
+
+    def add(self, record: Record) -> None:
+        """Record one evaluation; safe on disk (against the death of this process) when this returns."""
+        try:
+            self._db.execute(
+                "INSERT OR REPLACE INTO evaluation VALUES (?, ?, ?, ?, ?)",
+                (
+                    record.key,
+                    json.dumps(record.inputs),
+                    record.status,
+                    json.dumps(record.result, separators=(",", ":"), allow_nan=False),
+                    record.cpu_s,
+                ),
+            )
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+
+    def __iter__(self) -> Iterator[Record]:
+        try:
+            for row in self._db.execute("SELECT key, inputs, status, result, cpu_s FROM evaluation ORDER BY key"):
+                yield self._record(row)
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+
+    def __len__(self) -> int:
+        try:
+            return int(self._db.execute("SELECT count(*) FROM evaluation").fetchone()[0])
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+
+    def _record(self, row: tuple[str, str, str, str, float]) -> Record:
+        try:
+            return Record(row[0], json.loads(row[1]), row[2], json.loads(row[3]), row[4])
+        except ValueError as error:
+            raise FileError(f"{self.path}: evaluation {row[0][:12]} is damaged ({error}); move the journal aside") from None
+
+    def close(self) -> None:
+        """Close the file; the write-ahead log is merged into it."""
+        self._db.close()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Transaction:
+    """BEGIN ... COMMIT, rolled back when the block raises."""
+
+    def __init__(self, db: sqlite3.Connection) -> None:
+        self._db = db
+
+    def __enter__(self) -> None:
+        self._db.execute("BEGIN")
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self._db.execute("COMMIT" if kind is None else "ROLLBACK")
