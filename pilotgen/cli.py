@@ -1,0 +1,85 @@
+"""The command line: parse, call one command, turn errors into one sentence and an exit code.
+
+Exit codes: 0 done as asked; 1 wrong input or an unusable file; 2 the pilot or study could not be evaluated;
+3 `compare` found a difference; 70 an error inside pilotgen; 130 interrupted.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from pilotgen import __version__
+from pilotgen.errors import EvaluationError, PilotgenError
+
+COMMANDS = ("pilot", "decks", "search", "sample", "identify", "calibrate", "compare", "rotorcraft", "report")
+
+EXIT_ERROR = 1
+EXIT_FAILED = 2
+EXIT_INTERNAL = 70
+EXIT_INTERRUPTED = 130
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse, with exit code 1 for a wrong command line and a pointer to the help."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_ERROR, f"{self.prog}: error: {message}\nTry '{self.prog} --help'.\n")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands; each command's module adds its own arguments and examples."""
+    parser = _Parser(
+        prog="pilotgen",
+        description="Which pilot makes this helicopter bounce? Musculoskeletal pilots from biometrics, linearised, "
+        "closed with the helicopter's heave and coning dynamics, and searched for the smallest stability margins.",
+        epilog="example:\n  pilotgen search docs/studies/quick.yaml -o results/quick",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"pilotgen {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name in COMMANDS:
+        importlib.import_module(f"pilotgen.commands.{name}").add_parser(commands)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    try:
+        args = build_parser().parse_args(arguments)
+        return int(args.run(args))
+    except EvaluationError as error:
+        print(f"pilotgen: failed: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    except PilotgenError as error:
+        print(f"pilotgen: error: {error}", file=sys.stderr)
+        return EXIT_ERROR
+    except KeyboardInterrupt:
+        print("\npilotgen: interrupted; what was recorded is kept", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader of our output went away, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_ERROR
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"pilotgen: error: {where}{error.strerror or error}", file=sys.stderr)
+        return EXIT_ERROR
+    except Exception as error:  # the edge of the program: an error of ours, told without a wall of text
+        if os.environ.get("PILOTGEN_DEBUG"):
+            raise
+        print(
+            f"pilotgen: internal error: {type(error).__name__}: {error}\n"
+            "This is a fault of pilotgen, not of the input. Run again with PILOTGEN_DEBUG=1 for the details and report it.",
+            file=sys.stderr,
+        )
+        return EXIT_INTERNAL
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""study.h5: round trip, identical bytes, strangers refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from pilotgen.errors import FileError
+from pilotgen.results import Row, columns_of, read_results, write_results
+
+NAMES = ("bmi", "stature_m")
+
+
+def _rows() -> list[Row]:
+    ok = {
+        "status": "ok",
+        "loop": {"stable": True, "gain_margin_db": 6.5, "gain_margin_hz": 3.7, "phase_margin_deg": None, "phase_margin_hz": None,
+                 "modulus_margin": 0.5, "modulus_margin_hz": 3.6, "delay_margin_s": None},
+        "bdft": {"certificate": 1e-12, "dominant_frequency_hz": 3.7, "dominant_damping": 0.3},
+        "activation": {"largest": 0.25},
+        "biometrics": {"age_years": 40.0, "stature_m": 1.8, "mass_kg": 80.0, "bmi": 24.7},
+    }
+    failed = {"status": "failed", "stage": "posture", "reason": "elbow at 160 deg, limit 150 deg"}
+    return [Row(0, 0, {"bmi": 24.7, "stature_m": 1.8}, ok), Row(0, 1, {"bmi": 30.0, "stature_m": 2.0}, failed)]
+
+
+def _write(path: Path) -> dict[str, np.ndarray]:
+    columns = columns_of(_rows(), NAMES, np.array([[6.5, 180.0], [np.nan, np.nan]]), np.array([1, 0]))
+    write_results(path, {"kind": "search", "seed": 1, "study_text": "study: ä\n"}, NAMES, np.array([18.0, 1.55]), np.array([30.0, 2.0]),
+                  ("gain_margin_db", "phase_margin_deg"), columns, np.array([[0, 1]]), np.array([0]))
+    return columns
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    columns = _write(tmp_path / "study.h5")
+    results = read_results(tmp_path / "study.h5")
+    assert results.names == NAMES
+    assert results.attributes["study_text"] == "study: ä\n"
+    assert results.objective_names == ("gain_margin_db", "phase_margin_deg")
+    assert set(results.columns) == set(columns)
+    for key, value in columns.items():
+        np.testing.assert_array_equal(results.columns[key], value)
+    assert results.columns["phase_margin_deg"][0] == np.inf  # null margin = no crossing
+    assert np.isnan(results.columns["phase_margin_deg"][1])  # failed
+    assert results.columns["reason"][1].startswith("elbow")
+    np.testing.assert_array_equal(results.members, [[0, 1]])
+
+
+def test_same_results_same_bytes(tmp_path: Path) -> None:
+    _write(tmp_path / "a.h5")
+    _write(tmp_path / "b.h5")
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_strangers_are_refused(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file.attrs["filetype"] = "other"
+    with pytest.raises(FileError, match="not a pilotgen study file"):
+        read_results(tmp_path / "other.h5")
+    (tmp_path / "text.h5").write_text("hello")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_results(tmp_path / "text.h5")
+
+
+def test_unwritable_directory(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot write"):
+        _write(tmp_path / "none" / "study.h5")
