@@ -1,0 +1,108 @@
+"""A campaign evaluates each pilot once, records it, and serves it again."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pilotgen.campaign import Campaign, TooManyFailures, failures_by_reason, locked_directory
+from pilotgen.errors import FileError
+from pilotgen.executor import ProcessWorkers, SerialWorkers
+from pilotgen.journal import Journal
+
+
+def evaluate(task: dict[str, float]) -> tuple[dict[str, Any], float]:
+    """Fail above 2 m."""
+    x = task["stature_m"]
+    if x > 2.0:
+        return {"status": "failed", "stage": "posture", "reason": f"elbow at {100 * x:.1f} deg, limit 150 deg", "values": task}, 0.01
+    return {"status": "ok", "loop": {"gain_margin_db": 2.0 * x}}, 0.01
+
+
+def _campaign(journal: Journal, **options: Any) -> Campaign:
+    return Campaign(journal, SerialWorkers(), evaluate, dict, "fingerprint", **options)
+
+
+def test_each_pilot_once_and_in_order(tmp_path: Path) -> None:
+    pilots = [{"stature_m": x} for x in (1.6, 1.7, 1.6, 2.1)]
+    with Journal(tmp_path / "j.sqlite") as journal:
+        campaign = _campaign(journal)
+        results = campaign.evaluate(pilots)
+        assert [r["status"] for r in results] == ["ok", "ok", "ok", "failed"]
+        assert results[0]["loop"]["gain_margin_db"] == 3.2
+        assert (campaign.tally.evaluated, campaign.tally.served, campaign.tally.failed) == (3, 0, 1)
+        again = _campaign(journal)
+        assert again.evaluate(pilots) == results
+        assert (again.tally.evaluated, again.tally.served, again.tally.failed) == (0, 3, 1)
+        other = Campaign(journal, SerialWorkers(), evaluate, dict, "another fingerprint")
+        other.evaluate(pilots[:1])
+        assert other.tally.evaluated == 1
+        retry = _campaign(journal, retry_failed=True)
+        retry.evaluate(pilots)
+        assert (retry.tally.evaluated, retry.tally.served) == (1, 2)
+
+
+def test_workers_in_other_processes_give_the_same(tmp_path: Path) -> None:
+    pilots = [{"stature_m": 1.5 + 0.01 * i} for i in range(30)]
+    answers = []
+    for count in (1, 2):
+        workers = ProcessWorkers(count)
+        with Journal(tmp_path / f"j{count}.sqlite") as journal:
+            answers.append(Campaign(journal, workers, evaluate, dict, "f").evaluate(pilots))
+        workers.close()
+    assert answers[0] == answers[1]
+
+
+def test_too_many_failures_stop_a_hopeless_study(tmp_path: Path) -> None:
+    pilots = [{"stature_m": 2.1 + 0.01 * i} for i in range(10)]
+    with Journal(tmp_path / "j.sqlite") as journal:
+        with pytest.raises(TooManyFailures, match="3 pilots failed, more than --max-failures 2; the last: posture: elbow"):
+            _campaign(journal, max_failures=2).evaluate(pilots)
+        assert len(journal) == 3  # what was done is kept
+
+
+def test_failures_are_grouped_by_reason() -> None:
+    results = [evaluate({"stature_m": x})[0] for x in (1.7, 2.1, 2.2)]
+    results.append({"status": "failed", "stage": "solver", "reason": "mbdae died", "values": {}})
+    groups = failures_by_reason(results)
+    assert [(stage, count) for stage, _, count, _ in groups] == [("posture", 2), ("solver", 1)]
+
+
+def test_directory_that_holds_a_study_is_refused_without_resume(tmp_path: Path) -> None:
+    (tmp_path / "study.h5").touch()
+    with pytest.raises(FileError, match="already holds a study; add --resume"), locked_directory(tmp_path, resume=False):
+        pass
+    with locked_directory(tmp_path, resume=True) as directory:
+        assert directory == tmp_path
+
+
+def test_second_run_on_one_directory_is_refused(tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from pilotgen.campaign import locked_directory\n"
+        "from pilotgen.errors import FileError\n"
+        "try:\n"
+        "    with locked_directory(Path(sys.argv[1]), resume=True): print('in')\n"
+        "except FileError as error: print(error)\n"
+    )
+    with locked_directory(tmp_path, resume=True):
+        out = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True).stdout
+    assert "in use by another run" in out
+    out = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True).stdout
+    assert out == "in\n"
+
+
+def test_unusable_output_directories_are_explained(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="is a file|cannot be used"), locked_directory(tmp_path / "file", resume=False):
+        pass
+    with pytest.raises(FileError, match="cannot be used"), locked_directory(tmp_path / "file" / "below", resume=False):
+        pass
+    if os.geteuid() != 0:
+        tmp_path.chmod(0o500)
+        with pytest.raises(FileError, match="cannot be used"), locked_directory(tmp_path / "below", resume=False):
+            pass
