@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/output/hdf5_file.h"
+
+#include <fcntl.h>
+#include <hdf5.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+namespace mbdae {
+
+namespace {
+
+static_assert(sizeof(hid_t) == sizeof(std::int64_t));
+static_assert(sizeof(hsize_t) == sizeof(std::uint64_t));
+
+/// HDF5 prints its error stack by default; the exceptions of this file say what a person needs.
+void silence_hdf5() {
+  static const bool once = [] {
+    H5open();
+    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+    return true;
+  }();
+  (void)once;
+}
+
+Hdf5Handle dataspace(std::span<const std::uint64_t> dimensions) {
+  if (dimensions.empty()) return {H5Screate(H5S_SCALAR), H5Sclose, "scalar dataspace"};
+  std::array<hsize_t, 4> sizes{};
+  if (dimensions.size() > sizes.size()) throw FileError("HDF5: too many dimensions");
+  std::copy(dimensions.begin(), dimensions.end(), sizes.begin());
+  return {H5Screate_simple(static_cast<int>(dimensions.size()), sizes.data(), nullptr), H5Sclose, "dataspace"};
+}
+
+Hdf5Handle string_type(std::size_t length) {
+  Hdf5Handle type(H5Tcopy(H5T_C_S1), H5Tclose, "string type");
+  H5Tset_size(type.id(), std::max<std::size_t>(length, 1));
+  H5Tset_strpad(type.id(), H5T_STR_NULLPAD);
+  H5Tset_cset(type.id(), H5T_CSET_UTF8);
+  return type;
+}
+
+void write_attribute(std::int64_t owner, const std::string& name, std::int64_t type, std::int64_t memory_type,
+                     const void* data, std::span<const std::uint64_t> dimensions) {
+  const Hdf5Handle space = dataspace(dimensions);
+  const Hdf5Handle attribute(H5Acreate2(owner, name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
+                             name.c_str());
+  if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
+}
+
+Hdf5Handle create_in_memory(std::size_t expected_bytes) {
+  silence_hdf5();
+  const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file access");
+  // One growth step for the usual file; no backing store: save() puts the image on disk.
+  H5Pset_fapl_core(access.id(), std::max<std::size_t>(expected_bytes, 65536), false);
+  // The 1.8 format: compact as the latest one, but without its "open for writing" mark, which stays in an image.
+  H5Pset_libver_bounds(access.id(), H5F_LIBVER_V18, H5F_LIBVER_V18);
+  return {H5Fcreate("in memory", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose, "file in memory"};
+}
+
+Hdf5Handle open_root(const Hdf5Handle& file) { return {H5Gopen2(file.id(), "/", H5P_DEFAULT), H5Gclose, "root group"}; }
+
+/// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+  /// Closes now; false on error (a full disk may show only here).
+  bool close() { return ::close(std::exchange(fd_, -1)) == 0; }
+
+ private:
+  int fd_;
+};
+
+[[noreturn]] void fail_to_write(const std::string& path, int error) {
+  throw FileError("cannot write '" + path + "': " + std::strerror(error));
+}
+
+}  // namespace
+
+// ---- handles -----------------------------------------------------------------------------------------------------
+
+Hdf5Handle::Hdf5Handle(std::int64_t id, Closer closer, const char* what) : id_(id), closer_(closer) {
+  if (id_ < 0) throw FileError(std::string("HDF5: cannot create or open ") + what);
+}
+
+Hdf5Handle::~Hdf5Handle() {
+  if (id_ >= 0) closer_(id_);
+}
+
+Hdf5Handle::Hdf5Handle(Hdf5Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), closer_(other.closer_) {}
+
+// ---- groups ------------------------------------------------------------------------------------------------------
+
+Hdf5Group Hdf5Group::group(const std::string& name) {
+  return Hdf5Group(Hdf5Handle(H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+                              name.c_str()));
+}
+
+void Hdf5Group::attribute(const std::string& name, const std::string& text) {
+  const Hdf5Handle type = string_type(text.size());
+  // An empty text still needs the one byte that HDF5 reads.
+  write_attribute(handle_.id(), name, type.id(), type.id(), text.c_str(), {});
+}
+
+void Hdf5Group::attribute(const std::string& name, const std::array<int, 2>& values) {
+  const std::array<std::uint64_t, 1> dimensions{2};
+  write_attribute(handle_.id(), name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), dimensions);
+}
+
+void Hdf5Group::attribute(const std::string& name, double value) {
+  write_attribute(handle_.id(), name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, {});
+}
+
+void Hdf5Group::write(const std::string& name, std::int64_t file_type, std::int64_t memory_type, const void* data,
+                      std::span<const std::uint64_t> dimensions) {
+  const Hdf5Handle space = dataspace(dimensions);
+  const Hdf5Handle dataset(
+      H5Dcreate2(handle_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
+      name.c_str());
+  for (const std::uint64_t size : dimensions) {
+    if (size == 0) return;  // nothing to write, and `data` may be null
+  }
+  if (H5Dwrite(dataset.id(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) < 0) {
+    throw FileError("HDF5: cannot write dataset " + name);
+  }
+}
+
+void Hdf5Group::dataset(const std::string& name, double value) {
+  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, {});
+}
+
+void Hdf5Group::dataset(const std::string& name, std::span<const double> values,
+                        std::span<const std::uint64_t> dimensions) {
+  std::uint64_t count = 1;
+  for (const std::uint64_t size : dimensions) count *= size;
+  if (count != values.size()) throw FileError("HDF5: dimensions of dataset " + name + " do not fit its values");
+  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), dimensions);
+}
+
+void Hdf5Group::dataset(const std::string& name, const std::vector<double>& values) {
+  const std::array<std::uint64_t, 1> dimensions{values.size()};
+  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), dimensions);
+}
+
+void Hdf5Group::dataset(const std::string& name, const Eigen::VectorXd& values) {
+  const std::array<std::uint64_t, 1> dimensions{static_cast<std::uint64_t>(values.size())};
+  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), dimensions);
+}
+
+void Hdf5Group::dataset(const std::string& name, const Eigen::MatrixXd& matrix) {
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
+  const std::array<std::uint64_t, 2> dimensions{static_cast<std::uint64_t>(matrix.rows()),
+                                                static_cast<std::uint64_t>(matrix.cols())};
+  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, rows.data(), dimensions);
+}
+
+void Hdf5Group::dataset(const std::string& name, const std::vector<int>& values) {
+  const std::array<std::uint64_t, 1> dimensions{values.size()};
+  write(name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), dimensions);
+}
+
+void Hdf5Group::dataset(const std::string& name, const std::vector<std::string>& texts) {
+  std::size_t length = 1;
+  for (const std::string& text : texts) length = std::max(length, text.size());
+  std::string packed(length * texts.size(), '\0');
+  for (std::size_t i = 0; i < texts.size(); ++i) std::copy(texts[i].begin(), texts[i].end(), &packed[i * length]);
+  const Hdf5Handle type = string_type(length);
+  const std::array<std::uint64_t, 1> dimensions{texts.size()};
+  write(name, type.id(), type.id(), packed.data(), dimensions);
+}
+
+// ---- the file ----------------------------------------------------------------------------------------------------
+
+Hdf5File::Hdf5File(std::size_t expected_bytes) : file_(create_in_memory(expected_bytes)), root_(open_root(file_)) {}
+
+void Hdf5File::save(const std::string& path) {
+  if (H5Fflush(file_.id(), H5F_SCOPE_LOCAL) < 0) throw FileError("HDF5: cannot finish '" + path + "' in memory");
+  // The in-memory driver's own buffer. (H5Fget_file_image of HDF5 1.10 resets a byte that the superblock's checksum
+  // covers, without renewing the checksum.)
+  void* buffer = nullptr;
+  hsize_t size = 0;
+  if (H5Fget_vfd_handle(file_.id(), H5P_DEFAULT, &buffer) < 0 || H5Fget_filesize(file_.id(), &size) < 0) {
+    throw FileError("HDF5: no image of '" + path + "' in memory");
+  }
+  const std::span<const char> image(*static_cast<const char* const*>(buffer), size);
+
+  const std::string part = path + ".part";
+  Descriptor file(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+  if (file.get() < 0) fail_to_write(path, errno);
+  std::size_t written = 0;
+  while (written < image.size()) {
+    const ssize_t count = ::write(file.get(), image.data() + written, image.size() - written);
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) {
+      const int error = count == 0 ? ENOSPC : errno;
+      ::unlink(part.c_str());
+      fail_to_write(path, error);
+    }
+    written += static_cast<std::size_t>(count);
+  }
+  if (!file.close() || ::rename(part.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    ::unlink(part.c_str());
+    fail_to_write(path, error);
+  }
+}
+
+// ---- reading -----------------------------------------------------------------------------------------------------
+
+Eigen::VectorXd read_state(const std::string& path) {
+  silence_hdf5();
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) throw FileError("cannot read '" + path + "': " + std::strerror(errno));
+  const std::int64_t id = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+  if (id < 0) throw FileError("'" + path + "' is not an HDF5 file; a matrices file with dataset 'y' was expected");
+  const Hdf5Handle file(id, H5Fclose, path.c_str());
+  const std::int64_t dataset_id = H5Dopen2(file.id(), "y", H5P_DEFAULT);
+  if (dataset_id < 0) throw FileError("'" + path + "' has no dataset 'y'; a matrices file was expected");
+  const Hdf5Handle dataset(dataset_id, H5Dclose, "y");
+  const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose, "dataspace of y");
+  if (H5Sget_simple_extent_ndims(space.id()) != 1) throw FileError("'" + path + "': dataset 'y' is not a vector");
+  hsize_t size = 0;
+  H5Sget_simple_extent_dims(space.id(), &size, nullptr);
+  Eigen::VectorXd y(static_cast<Eigen::Index>(size));
+  if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, y.data()) < 0) {
+    throw FileError("'" + path + "': dataset 'y' cannot be read as numbers");
+  }
+  if (!y.allFinite()) throw FileError("'" + path + "': dataset 'y' holds a value that is not finite");
+  return y;
+}
+
+}  // namespace mbdae
