@@ -1,0 +1,229 @@
+"""The genetic search: ask for a generation of pilots, be told their margins, breed the next.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotgen.search import operators, ranking, sampling, termination
+from pilotgen.search.problem import Problem
+from pilotgen.study import SearchSettings
+
+Evaluate = Callable[[np.ndarray, int], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """Every evaluation of a search, in the order asked for, and the populations it went through.
+
+    Attributes
+    ----------
+    problem : Problem
+    X : ndarray, shape (n, n_var)
+    F : ndarray, shape (n, n_obj)
+        Objectives as ranked; NaN rows are failures.
+    generation, individual : ndarray of int, shape (n,)
+        Generation (0 is the initial population) and number within it.
+    rank_at_birth : ndarray of int, shape (n,)
+        Rank among parents and offspring when the individual was judged; 0 when failed.
+    rank : ndarray of int, shape (n,)
+        Front among all evaluations, 1 = the worst pilots; 0 when failed.
+    members : ndarray of int, shape (n_gen, N)
+        Indices of the population after each generation.
+    front : ndarray of int
+        Indices of the final population's members that are rank one.
+    stopped_by : str
+        `rank one share` or `generation limit`; empty while the search is going on.
+    """
+
+    problem: Problem
+    X: np.ndarray
+    F: np.ndarray
+    generation: np.ndarray
+    individual: np.ndarray
+    rank_at_birth: np.ndarray
+    rank: np.ndarray
+    members: np.ndarray
+    front: np.ndarray
+    stopped_by: str
+
+    @property
+    def failed(self) -> np.ndarray:
+        """True for pilots that could not be evaluated, shape (n,)."""
+        return np.asarray(np.isnan(self.F).any(axis=1))
+
+
+class Search(ABC):
+    """Book-keeping common to the algorithms: history, population, termination. Letters as in pymoo: X, F, xl, xu."""
+
+    def __init__(self, problem: Problem, settings: SearchSettings) -> None:
+        self.problem = problem
+        self.settings = settings
+        self.generation = 0  # the one that is asked for next
+        self.stopped_by = ""
+        self._X = np.empty((0, problem.n_var))
+        self._F = np.empty((0, problem.n_obj))
+        self._generation_of: list[int] = []
+        self._individual_of: list[int] = []
+        self._rank_at_birth: list[int] = []
+        self._members: list[np.ndarray] = []
+        self._asked: np.ndarray | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Whether a termination criterion is met."""
+        return bool(self.stopped_by)
+
+    @property
+    def progress(self) -> float:
+        """Share of the allowed generations that is done; 1 when finished."""
+        return 1.0 if self.finished else self.generation / self.settings.generations
+
+    @property
+    def population(self) -> np.ndarray:
+        """Indices of the present population in the history."""
+        return self._members[-1]
+
+    def ask(self) -> np.ndarray:
+        """Return the next individuals to evaluate, shape (n, n_var); the same ones until `tell`."""
+        if self.finished:
+            raise RuntimeError(f"the search is over: {self.stopped_by}")
+        if self._asked is None:
+            self._asked = self._next()
+        return self._asked.copy()
+
+    def tell(self, F: np.ndarray, failed: np.ndarray | None = None) -> None:
+        """Take the objectives of the individuals asked for.
+
+        Parameters
+        ----------
+        F : ndarray, shape (n, n_obj)
+            Objectives as ranked; a row with a NaN is a failure.
+        failed : ndarray of bool, shape (n,), optional
+            Further failures.
+        """
+        if self._asked is None:
+            raise RuntimeError("tell comes after ask")
+        X, F = self._asked, np.array(F, dtype=float)
+        if F.shape != (len(X), self.problem.n_obj):
+            raise ValueError(f"objectives of shape {(len(X), self.problem.n_obj)} are wanted, got {F.shape}")
+        if failed is not None:
+            F[np.asarray(failed, dtype=bool)] = np.nan
+        F[np.isnan(F).any(axis=1)] = np.nan
+        if np.isinf(F).any():
+            raise ValueError("objectives must be finite: infinite margins are capped before they are ranked")
+        first = len(self._X)
+        new = np.arange(first, first + len(X))
+        self._X, self._F = np.concatenate((self._X, X)), np.concatenate((self._F, F))
+        self._generation_of += [self.generation] * len(X)
+        self._individual_of += range(len(X))
+        pool = np.concatenate((self._members[-1], new)) if self._members else new
+        rank = ranking.non_dominated_rank(self._F[pool])
+        rank[np.isnan(self._F[pool]).any(axis=1)] = 0
+        self._rank_at_birth += rank[len(pool) - len(new) :].tolist()
+        self._members.append(self._survivors(pool, new))
+        self._asked = None
+        self.generation += 1
+        kept = self._F[self.population]
+        share = termination.rank_one_share(ranking.non_dominated_rank(kept), np.isnan(kept).any(axis=1))
+        self.stopped_by = (
+            termination.stopped_by(
+                share, self.settings.stop_rank_one_fraction, self.generation, self.settings.generations
+            )
+            or ""
+        )
+
+    def result(self) -> SearchResult:
+        """Return all that happened so far."""
+        failed = np.asarray(np.isnan(self._F).any(axis=1))
+        rank = ranking.non_dominated_rank(self._F)
+        rank[failed] = 0
+        if self._members:
+            of_final = ranking.non_dominated_rank(self._F[self.population])
+            front = np.sort(self.population[(of_final == 1) & ~failed[self.population]])
+        else:
+            front = np.empty(0, dtype=np.int64)
+        return SearchResult(
+            self.problem,
+            self._X.copy(),
+            self._F.copy(),
+            np.array(self._generation_of, dtype=np.int64),
+            np.array(self._individual_of, dtype=np.int64),
+            np.array(self._rank_at_birth, dtype=np.int64),
+            rank,
+            np.array(self._members, dtype=np.int64),
+            front,
+            self.stopped_by,
+        )
+
+    @abstractmethod
+    def _next(self) -> np.ndarray:
+        """Return the individuals of this generation."""
+
+    @abstractmethod
+    def _survivors(self, pool: np.ndarray, new: np.ndarray) -> np.ndarray:
+        """Return which of the history's individuals `pool` (parents and the new ones) form the next population."""
+
+
+class GeneticSearch(Search):
+    """The algorithm of the reference paper's section 4."""
+
+    def _stream(self, purpose: str) -> np.random.Generator:
+        return sampling.stream(self.settings.seed, self.generation, purpose)
+
+    def _next(self) -> np.ndarray:
+        problem, n = self.problem, self.settings.population
+        if self.generation == 0:
+            return sampling.sobol(n, problem.xl, problem.xu, self._stream("sampling"))
+        rank = ranking.non_dominated_rank(self._F[self.population])
+        pairs = operators.roulette_pairs(operators.fitness(rank), (n + 1) // 2, self._stream("selection"))
+        parents = self._X[self.population[pairs]]
+        children = operators.simulated_binary_crossover(parents, problem.xl, problem.xu, self._stream("crossover"))[:n]
+        children = operators.mutate_some(
+            children, problem.xl, problem.xu, self.settings.mutation_probability, self._stream("mutation")
+        )
+        known = {x.tobytes() for x in self._X}
+        return operators.replace_copies(children, known, problem.xl, problem.xu, self._stream("replacement"))
+
+    def _survivors(self, pool: np.ndarray, new: np.ndarray) -> np.ndarray:
+        return np.asarray(pool[ranking.fittest(self._F[pool], self.settings.population)])
+
+
+def make_search(problem: Problem, settings: SearchSettings) -> Search:
+    """Return the search that `settings.algorithm` names."""
+    if settings.algorithm == "nsga2":
+        from pilotgen.search.nsga2 import Nsga2Search  # imports pymoo
+
+        return Nsga2Search(problem, settings)
+    return GeneticSearch(problem, settings)
+
+
+def run_search(
+    problem: Problem,
+    settings: SearchSettings,
+    evaluate: Evaluate,
+    callback: Callable[[Search], None] | None = None,
+) -> SearchResult:
+    """Search until a termination criterion is met.
+
+    Parameters
+    ----------
+    problem, settings :
+        What to search and how.
+    evaluate : callable
+        (X of shape (n, n_var), generation) -> F of shape (n, n_obj), NaN rows for failures.
+    callback : callable, optional
+        Called with the search after every generation.
+    """
+    search = make_search(problem, settings)
+    while not search.finished:
+        search.tell(evaluate(search.ask(), search.generation))
+        if callback is not None:
+            callback(search)
+    return search.result()
