@@ -1,0 +1,160 @@
+"""The descriptor model g_ydot ydot + g_y y = 0 with the roles of its unknowns and equations.
+
+What the linear models of the program start from. Unknowns are sorted by role (coordinates q, momenta p, reactions) and
+each row by what it says (momentum definition, equilibrium, constraint), which is all that later steps need to take the
+pencil apart exactly. Theory: docs/theory/linearisation.md.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pilotgen.errors import MatrixError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+NODE_COORDINATES = 6  # position x y z and rotation gx gy gz of one node
+_COORDINATE_KINDS = (b"position", b"rotation")
+_MOMENTUM_KINDS = (b"momentum", b"momenta_moment")
+_REACTION_KIND = b"reaction"
+
+
+@dataclass(frozen=True)
+class DescriptorModel:
+    """A linear descriptor model with named unknowns.
+
+    Attributes
+    ----------
+    g_y, g_ydot : ndarray, shape (n, n)
+        Partials of the residual g(t, y, ydot) with respect to the state and its rate, SI units.
+    names : ndarray of bytes, shape (n,)
+        Name of each unknown; row k has the name of unknown k.
+    coordinates, momenta, reactions : ndarray of int
+        Columns of the node coordinates q, of the momenta p and of the joint reactions.
+    definition_rows : ndarray of int
+        Row in which each momentum of `momenta` is defined (same order).
+    equilibrium_rows : ndarray of int
+        Force or moment equilibrium that belongs to each coordinate of `coordinates` (same order).
+    """
+
+    g_y: Floats
+    g_ydot: Floats
+    names: NDArray[np.bytes_]
+    coordinates: Indices
+    momenta: Indices
+    reactions: Indices
+    definition_rows: Indices
+    equilibrium_rows: Indices
+
+    @property
+    def constraint_rows(self) -> Indices:
+        """Rows of the joints' constraint equations: numbered like the reactions."""
+        return self.reactions
+
+    def name(self, k: int) -> str:
+        """Return the name of unknown (and row) `k`."""
+        return bytes(self.names[k]).decode()
+
+    def index(self, name: str) -> int:
+        """Return the column of the unknown called `name`; MatrixError if there is none or more than one."""
+        found = np.flatnonzero(self.names == name.encode())
+        if len(found) != 1:
+            many = "is not" if len(found) == 0 else "is more than once"
+            raise MatrixError(f"unknown '{name}' {many} among the model's unknowns ({_sample(self.names)})")
+        return int(found[0])
+
+    def owned_by(self, owner: str) -> Indices:
+        """Return the columns of the node or joint called `owner`, empty if it has none."""
+        return np.flatnonzero(np.char.startswith(self.names, owner.encode() + b"."))
+
+    def restrict(self, keep: Indices) -> DescriptorModel:
+        """Return the model of the unknowns and rows `keep` (ascending); nodes and joints are kept whole or not at all."""
+        position = np.full(len(self.names), -1, dtype=np.intp)
+        position[keep] = np.arange(len(keep))
+        new_momenta = position[self.momenta]
+        new_coordinates = position[self.coordinates]
+        new_reactions = position[self.reactions]
+        kept_momenta, kept_coordinates = new_momenta >= 0, new_coordinates >= 0
+        block = np.ix_(keep, keep)
+        return DescriptorModel(
+            g_y=self.g_y[block],
+            g_ydot=self.g_ydot[block],
+            names=self.names[keep],
+            coordinates=new_coordinates[kept_coordinates],
+            momenta=new_momenta[kept_momenta],
+            reactions=new_reactions[new_reactions >= 0],
+            definition_rows=position[self.definition_rows[kept_momenta]],
+            equilibrium_rows=position[self.equilibrium_rows[kept_coordinates]],
+        )
+
+
+def make_descriptor(
+    J_plus: Floats, J_minus: Floats, c: float, names: NDArray[np.bytes_], kinds: NDArray[np.bytes_]
+) -> DescriptorModel:
+    """Recover g_ydot and g_y from the matrix pair J(c), J(-c): paper eq. (15).
+
+    Parameters
+    ----------
+    J_plus, J_minus : ndarray, shape (n, n)
+        J(c) = g_ydot + c g_y and J(-c) = g_ydot - c g_y.
+    c : float
+        Coefficient of the matrix pair [s].
+    names, kinds : ndarray of bytes, shape (n,)
+        Name and kind (`position`, `rotation`, `momentum`, `momenta_moment`, `reaction`) of each unknown.
+
+    Raises
+    ------
+    MatrixError
+        If a kind is not known or the momenta do not stand six places after the coordinates of their node.
+    """
+    g_ydot = (J_plus + J_minus) / 2.0
+    g_y = (J_plus - J_minus) / (2.0 * c)
+
+    is_coordinate = (kinds == _COORDINATE_KINDS[0]) | (kinds == _COORDINATE_KINDS[1])
+    is_momentum = (kinds == _MOMENTUM_KINDS[0]) | (kinds == _MOMENTUM_KINDS[1])
+    is_reaction = kinds == _REACTION_KIND
+    strange = np.flatnonzero(~(is_coordinate | is_momentum | is_reaction))
+    if len(strange):
+        k = int(strange[0])
+        raise MatrixError(
+            f"unknown '{bytes(names[k]).decode()}' is of kind '{bytes(kinds[k]).decode()}'; "
+            "expected position, rotation, momentum, momenta_moment or reaction"
+        )
+
+    coordinates = np.flatnonzero(is_coordinate)
+    momenta = np.flatnonzero(is_momentum)
+    definition_rows = momenta - NODE_COORDINATES
+    if len(momenta) and (definition_rows[0] < 0 or not is_coordinate[definition_rows].all()):
+        raise MatrixError(
+            "the momenta of a node must follow its six coordinates (x y z gx gy gz bx by bz hx hy hz); "
+            f"they do not among {_sample(names)}"
+        )
+    dynamic = np.zeros(len(names), dtype=bool)
+    dynamic[definition_rows] = True
+    equilibrium_rows = np.where(dynamic[coordinates], coordinates + NODE_COORDINATES, coordinates)
+    return DescriptorModel(
+        g_y=g_y,
+        g_ydot=g_ydot,
+        names=names,
+        coordinates=coordinates,
+        momenta=momenta,
+        reactions=np.flatnonzero(is_reaction),
+        definition_rows=definition_rows,
+        equilibrium_rows=equilibrium_rows,
+    )
+
+
+def _sample(names: Sequence[bytes] | NDArray[np.bytes_]) -> str:
+    """Return the first and last few names, for messages."""
+    text = [bytes(name).decode() for name in names]
+    return ", ".join(text) if len(text) <= 8 else f"{', '.join(text[:4])}, ..., {', '.join(text[-3:])}"

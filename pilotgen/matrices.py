@@ -1,0 +1,421 @@
+"""Read and write matrices files: one linearised model, names included.
+
+The format is docs/io_formats/matrices.md. A search reads thousands of these files, hence HDF5's low-level interface, and
+only what every reader needs (the matrix pair and the names of the unknowns) is read at once; the tables of nodes, joints,
+inputs, muscles and the state are read when they are first asked for, or all at once with `complete=True`.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5f, h5s
+from numpy.typing import NDArray
+
+from pilotgen.descriptor import DescriptorModel, Floats, make_descriptor
+from pilotgen.errors import FileError, MatrixError
+
+FILETYPE = "pilotgen matrices"
+VERSION = (1, 0)
+Names = NDArray[np.bytes_]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the model was linearised: y, ydot, shape (n,), and the two residuals of the format page [SI units]."""
+
+    y: Floats
+    ydot: Floats
+    residual: Floats
+    equilibrium_residual: Floats
+
+
+@dataclass(frozen=True)
+class NodeTable:
+    """The k nodes in deck order: first unknown (from 0), number of unknowns, pose and velocity in global axes."""
+
+    name: Names
+    label: Integers
+    first: Integers
+    dofs: Integers
+    position: Floats  # (k, 3) m
+    orientation: Floats  # (k, 3, 3), columns are the node's axes
+    velocity: Floats  # (k, 3) m/s
+    angular_velocity: Floats  # (k, 3) rad/s
+
+
+@dataclass(frozen=True)
+class JointTable:
+    """The joints that have unknowns of their own, in deck order."""
+
+    name: Names
+    label: Integers
+    type: Names
+    first: Integers
+    dofs: Integers
+
+
+@dataclass(frozen=True)
+class InputTable:
+    """The m inputs, `activation[...]` and `drive[...]`, and g_u, shape (n, m): derivative of the residual by each."""
+
+    name: Names
+    unit: Names
+    g_u: Floats
+
+
+@dataclass(frozen=True)
+class MuscleTable:
+    """The q muscles: length [m], x and v (relative to reference length and velocity), activation, force [N]."""
+
+    name: Names
+    label: Integers
+    length: Floats
+    x: Floats
+    v: Floats
+    activation: Floats
+    force: Floats
+
+
+# dataset -> trailing shape; None stands for the number of unknowns n, "k" for the length of the table, "m" for the inputs
+_STATE_SHAPES: dict[str, tuple[object, ...]] = {
+    "y": (None,), "ydot": (None,), "residual": (None,), "equilibrium_residual": (None,)
+}
+_TABLES: dict[str, tuple[type, dict[str, tuple[object, ...]]]] = {
+    "state": (State, _STATE_SHAPES),
+    "nodes": (
+        NodeTable,
+        {"name": ("k",), "label": ("k",), "first": ("k",), "dofs": ("k",), "position": ("k", 3),
+         "orientation": ("k", 3, 3), "velocity": ("k", 3), "angular_velocity": ("k", 3)},
+    ),
+    "joints": (JointTable, {"name": ("k",), "label": ("k",), "type": ("k",), "first": ("k",), "dofs": ("k",)}),
+    "inputs": (InputTable, {"name": ("k",), "unit": ("k",), "g_u": (None, "k")}),
+    "muscles": (
+        MuscleTable,
+        {"name": ("k",), "label": ("k",), "length": ("k",), "x": ("k",), "v": ("k",), "activation": ("k",),
+         "force": ("k",)},
+    ),
+}  # fmt: skip
+_STRING_DATASETS = {"name", "type", "unit", "kind"}
+_INTEGER_DATASETS = {"label", "first", "dofs", "owner"}
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """One linearised model as a solver wrote it.
+
+    Attributes
+    ----------
+    path : str
+        Where it came from, for messages.
+    solver, deck_sha256, analysis : str
+        Program that wrote it, hash of the deck, `linearise` or `static`.
+    c : float
+        Coefficient of the matrix pair [s].
+    time : float
+        Time of the analysis [s].
+    J_plus, J_minus : ndarray, shape (n, n)
+        J(c) = g_ydot + c g_y, J(-c) = g_ydot - c g_y (textbook pair, constraints and reactions unscaled).
+    names, kinds : ndarray of bytes, shape (n,)
+        Name and kind of each unknown; row k has the name of unknown k.
+    """
+
+    path: str
+    solver: str
+    deck_sha256: str
+    analysis: str
+    c: float
+    time: float
+    J_plus: Floats
+    J_minus: Floats
+    names: Names
+    kinds: Names
+    _table: Callable[[str], Any] = field(repr=False, compare=False)
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return len(self.names)
+
+    @cached_property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names of the unknowns as text."""
+        return tuple(bytes(name).decode() for name in self.names)
+
+    @cached_property
+    def dof_kinds(self) -> tuple[str, ...]:
+        """Kinds of the unknowns as text."""
+        return tuple(bytes(kind).decode() for kind in self.kinds)
+
+    @cached_property
+    def state(self) -> State:
+        """State of the linearisation."""
+        return self._get("state")  # type: ignore[no-any-return]
+
+    @cached_property
+    def nodes(self) -> NodeTable:
+        """Nodes in deck order."""
+        return self._get("nodes")  # type: ignore[no-any-return]
+
+    @cached_property
+    def joints(self) -> JointTable:
+        """Joints that have unknowns, in deck order."""
+        return self._get("joints")  # type: ignore[no-any-return]
+
+    @cached_property
+    def inputs(self) -> InputTable:
+        """Inputs and g_u."""
+        return self._get("inputs")  # type: ignore[no-any-return]
+
+    @cached_property
+    def muscles(self) -> MuscleTable:
+        """Muscles in deck order."""
+        return self._get("muscles")  # type: ignore[no-any-return]
+
+    @property
+    def y(self) -> Floats:
+        """State, shape (n,)."""
+        return self.state.y
+
+    @property
+    def residual(self) -> Floats:
+        """Residual without accelerations, momenta rates and reactions, shape (n,) [N, N m, m, rad]."""
+        return self.state.residual
+
+    @property
+    def equilibrium_residual(self) -> Floats:
+        """Residual with the reactions of the state, shape (n,): zero at a static equilibrium [N, N m, m, rad]."""
+        return self.state.equilibrium_residual
+
+    def _get(self, group: str) -> Any:
+        return self._table(group)
+
+
+def descriptor(matrices: Matrices) -> DescriptorModel:
+    """Return g_y, g_ydot and the roles of the unknowns (paper eq. (15)); MatrixError names the file."""
+    try:
+        return make_descriptor(matrices.J_plus, matrices.J_minus, matrices.c, matrices.names, matrices.kinds)
+    except MatrixError as error:
+        raise MatrixError(f"{matrices.path}: {error}") from error
+
+
+# ---- reading
+
+
+def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matrices:
+    """Read a matrices file and check it.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    complete : bool
+        Read and check every table now. With False the tables are read when first used: the file must still be there then.
+
+    Raises
+    ------
+    FileError
+        The file does not exist or cannot be opened.
+    MatrixError
+        It is not a matrices file, is of another version, or a dataset is missing, misshapen or not finite.
+    """
+    text_path = os.fspath(path)
+    file = _open(text_path)
+    try:
+        _check_stranger(file, text_path)
+        J_plus = _read(file, text_path, "J_plus")
+        if J_plus.ndim != 2 or J_plus.shape[0] != J_plus.shape[1] or J_plus.shape[0] == 0:
+            raise MatrixError(f"{text_path}: dataset 'J_plus' has shape {J_plus.shape}; expected a square matrix")
+        n = J_plus.shape[0]
+        matrices = Matrices(
+            path=text_path,
+            solver=_attribute(file, text_path, "solver"),
+            deck_sha256=_attribute(file, text_path, "deck_sha256"),
+            analysis=_attribute(file, text_path, "analysis"),
+            c=float(_shaped(_read(file, text_path, "c"), text_path, "c", ())),
+            time=float(_shaped(_read(file, text_path, "time"), text_path, "time", ())),
+            J_plus=J_plus,
+            J_minus=_shaped(_read(file, text_path, "J_minus"), text_path, "J_minus", (n, n)),
+            names=_shaped(_read(file, text_path, "dofs/name"), text_path, "dofs/name", (n,)),
+            kinds=_shaped(_read(file, text_path, "dofs/kind"), text_path, "dofs/kind", (n,)),
+            _table=_FileTables(text_path, n),
+        )
+        if not matrices.c > 0.0:
+            raise MatrixError(f"{text_path}: dataset 'c' is {matrices.c:g} s; expected a positive coefficient")
+        if complete:
+            for group in _TABLES:
+                matrices.__dict__[group] = _read_table(file, text_path, group, n)
+    finally:
+        file.close()
+    return matrices
+
+
+@dataclass(frozen=True)
+class _FileTables:
+    """Reads a table of the file when it is asked for."""
+
+    path: str
+    n: int
+
+    def __call__(self, group: str) -> Any:
+        file = _open(self.path)
+        try:
+            _check_stranger(file, self.path)
+            return _read_table(file, self.path, group, self.n)
+        finally:
+            file.close()
+
+
+def _open(path: str) -> h5f.FileID:
+    try:
+        return h5f.open(os.fsencode(path), h5f.ACC_RDONLY)
+    except FileNotFoundError as error:
+        raise FileError(f"{path}: no such file; expected a matrices file written by mbdae") from error
+    except OSError as error:
+        if os.path.isdir(path) or not os.access(path, os.R_OK):
+            raise FileError(f"{path}: cannot be read; expected a matrices file written by mbdae") from error
+        raise MatrixError(f"{path} is not a {FILETYPE} file: it is not HDF5, or it was not written to its end") from error
+
+
+def _check_stranger(file: h5f.FileID, path: str) -> None:
+    if not h5a.exists(file, b"filetype"):
+        raise MatrixError(f"{path} is not a {FILETYPE} file: it has no attribute 'filetype'")
+    filetype = _attribute(file, path, "filetype")
+    if filetype != FILETYPE:
+        raise MatrixError(f"{path} is not a {FILETYPE} file: its filetype is '{filetype}'")
+    version = np.atleast_1d(_attribute_value(file, path, "version"))
+    if version.shape != (2,) or version.dtype.kind not in "iu":
+        raise MatrixError(f"{path}: attribute 'version' must be two integers (major, minor)")
+    if version[0] != VERSION[0]:
+        raise MatrixError(
+            f"{path}: version {version[0]}.{version[1]} of the format; this program reads {VERSION[0]}.x; "
+            "write the file again with the mbdae of this pilotgen"
+        )
+
+
+def _attribute_value(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
+    try:
+        attribute = h5a.open(file, name.encode())
+    except KeyError as error:
+        raise MatrixError(f"{path}: attribute '{name}' is missing") from error
+    value = np.empty(attribute.shape, attribute.dtype)
+    attribute.read(value)
+    return value
+
+
+def _attribute(file: h5f.FileID, path: str, name: str) -> str:
+    value = _attribute_value(file, path, name).item()
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    if isinstance(value, str):
+        return value
+    raise MatrixError(f"{path}: attribute '{name}' is {value!r}; expected text")
+
+
+def _read(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
+    """Return the dataset as float64, int64 or bytes, whichever its name says, and finite."""
+    try:
+        dataset = h5d.open(file, name.encode())
+    except KeyError as error:
+        raise MatrixError(f"{path}: dataset '{name}' is missing") from error
+    leaf = name.rpartition("/")[2]
+    kind = dataset.dtype.kind
+    if leaf in _STRING_DATASETS:
+        wanted, is_right = "fixed-length text", kind == "S"
+    elif leaf in _INTEGER_DATASETS:
+        wanted, is_right = "integers", kind in "iu"
+    else:
+        wanted, is_right = "real numbers", kind in "fiu"
+    if not is_right:
+        raise MatrixError(f"{path}: dataset '{name}' holds {dataset.dtype}; expected {wanted}")
+    dtype = dataset.dtype if kind == "S" else np.dtype(np.int64 if leaf in _INTEGER_DATASETS else np.float64)
+    value = np.empty(dataset.shape, dtype)
+    if value.size:
+        dataset.read(h5s.ALL, h5s.ALL, value)
+    if dtype.kind == "f" and not np.isfinite(value).all():
+        where = np.argwhere(~np.isfinite(value))[0]
+        raise MatrixError(f"{path}: dataset '{name}' has {value[tuple(where)]} at {list(map(int, where))}")
+    return value
+
+
+def _shaped(value: NDArray[Any], path: str, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    if value.shape != shape:
+        raise MatrixError(f"{path}: dataset '{name}' has shape {value.shape}; expected {shape}")
+    return value
+
+
+def _read_table(file: h5f.FileID, path: str, group: str, n: int) -> Any:
+    table, shapes = _TABLES[group]
+    prefix = "" if group == "state" else f"{group}/"
+    length: int | None = None
+    columns: dict[str, NDArray[Any]] = {}
+    for name, symbolic in shapes.items():
+        value = _read(file, path, prefix + name)
+        if length is None:  # the first column of a table says how long it is
+            length = value.shape[0] if value.ndim else 0
+        shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
+        columns[name] = _shaped(value, path, prefix + name, shape)  # type: ignore[arg-type]
+    return table(**columns)
+
+
+# ---- writing
+
+
+def write_matrices(
+    path: str | os.PathLike[str], matrices: Matrices, owners: Integers | None = None, units: Names | None = None
+) -> None:
+    """Write a complete matrices file (the solver's own writer is in C++; this one serves conversions and tests).
+
+    Parameters
+    ----------
+    path : path
+        File to write, replaced if it exists.
+    matrices : Matrices
+        What to write, with all its tables.
+    owners, units : ndarray, shape (n,), optional
+        Label of the owner and unit of each unknown; without them 0 and the unit that the kind implies
+        (`N` for reactions).
+    """
+    by_kind = {b"position": b"m", b"rotation": b"rad", b"momentum": b"kg m/s", b"momenta_moment": b"kg m^2/s"}
+    with h5py.File(path, "w") as file:
+        file.attrs["filetype"] = np.bytes_(FILETYPE)
+        file.attrs["version"] = np.array(VERSION, dtype=np.int32)
+        for name in ("solver", "deck_sha256", "analysis"):
+            file.attrs[name] = np.bytes_(getattr(matrices, name))
+        for name in ("c", "time", "J_plus", "J_minus"):
+            file[name] = getattr(matrices, name)
+        file["dofs/name"] = matrices.names
+        file["dofs/kind"] = matrices.kinds
+        file["dofs/owner"] = np.zeros(matrices.n, dtype=np.int64) if owners is None else owners
+        implied = np.array([by_kind.get(bytes(kind), b"N") for kind in matrices.kinds])
+        file["dofs/unit"] = implied if units is None else units
+        for group, (_, shapes) in _TABLES.items():
+            table = getattr(matrices, group)
+            prefix = "" if group == "state" else f"{group}/"
+            for name in shapes:
+                file[prefix + name] = getattr(table, name)
+
+
+def given_tables(path: str, tables: dict[str, Any]) -> Callable[[str], Any]:
+    """Return a source of tables for a `Matrices` made in memory; a table that is not there is a MatrixError."""
+    return _GivenTables(path, tables)
+
+
+@dataclass(frozen=True)
+class _GivenTables:
+    path: str
+    tables: dict[str, Any]
+
+    def __call__(self, group: str) -> Any:
+        if group not in self.tables:
+            raise MatrixError(f"{self.path}: holds no '{group}'; read a matrices file written by mbdae instead")
+        return self.tables[group]

@@ -1,0 +1,336 @@
+"""Finite, nonzero eigenvalues of a descriptor model with its right and left vectors.
+
+The pencil (lam g_ydot + g_y) V_R = 0 of a constrained multibody model has mostly infinite eigenvalues. They are removed
+exactly before any eigenvalue is computed: momenta are replaced by their definitions, coordinates are restricted to the null
+space of the constraints, equations to the null space of the reactions. What is left is a small dense problem (4 x 4 for one
+arm on a lever). Theory: docs/theory/projection.md.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from pilotgen.descriptor import DescriptorModel, Floats, Indices
+from pilotgen.errors import MatrixError
+
+Complexes = NDArray[np.complex128]
+
+# Entries that the form of the equations of motion demands to be 0 or 1 come from halves of sums and differences of J(+-c):
+# they are exact in our files, and to about eps * max|J| / c in MBDyn's.
+_FORM_TOLERANCE = 1e-9
+# A constraint counts as dependent on others when its part outside their span is this small against the largest one.
+_RANK_TOLERANCE = 1e-10
+# An eigenvalue counts as zero, or as infinite, when it is this small, or 1 / this large, against the scale of the others.
+# Double zeros (rigid motion) come out near sqrt(eps) = 1.5e-8, so does 1/lam of a massless direction (index 2).
+_NEGLIGIBLE = 1e-6
+# Eigenvectors are used as a basis while their condition number is below this; beyond, a real Schur basis takes their place.
+_MAX_CONDITION = 1e5
+
+
+@dataclass(frozen=True)
+class SecondOrderForm:
+    """The model without its momenta: M q'' + C q' + K q + B reactions = 0, Phi_1 q' + Phi_0 q = 0.
+
+    Attributes
+    ----------
+    M, C, K : ndarray, shape (n_q, n_q)
+        Mass, damping and stiffness by coordinates.
+    B : ndarray, shape (n_q, n_r)
+        How reactions enter the equilibrium equations.
+    Phi_0, Phi_1 : ndarray, shape (n_r, n_q)
+        Constraint equations; Phi_1 is zero for holonomic ones.
+    momentum_mass, momentum_gyro : ndarray, shape (n_p, n_q)
+        p = momentum_mass q' + momentum_gyro q.
+    momentum_force : ndarray, shape (n_q, n_p)
+        Partial of the equilibrium equations by momenta (zero at rest).
+    dynamic : ndarray of int, shape (n_p,)
+        Coordinate that each momentum belongs to.
+    """
+
+    M: Floats
+    C: Floats
+    K: Floats
+    B: Floats
+    Phi_0: Floats
+    Phi_1: Floats
+    momentum_mass: Floats
+    momentum_gyro: Floats
+    momentum_force: Floats
+    dynamic: Indices
+
+
+@dataclass(frozen=True)
+class ModalModel:
+    """The retained modes: V_L g_ydot V_R = I, V_L g_y V_R = -A.
+
+    Attributes
+    ----------
+    lam : ndarray of complex, shape (r,)
+        Retained eigenvalues [rad/s]: finite and nonzero, conjugate pairs side by side, positive imaginary part first.
+    V_R : ndarray, shape (n, r)
+        Right vectors of all unknowns, reactions included.
+    V_L : ndarray, shape (r, n)
+        Left vectors of all equations.
+    A : ndarray, shape (r, r)
+        diag(lam) if `diagonal`; otherwise real, with eigenvalues lam, and V_R, V_L are real bases.
+    diagonal : bool
+        False when the eigenvectors are too close to dependent (defective or nearly so) to serve as a basis.
+    n_zero, n_infinite : int
+        Eigenvalues set aside in the reduced problem: zero (rigid motion) and infinite (directions without mass).
+    """
+
+    lam: Complexes
+    V_R: NDArray[np.complex128] | Floats
+    V_L: NDArray[np.complex128] | Floats
+    A: NDArray[np.complex128] | Floats
+    diagonal: bool
+    n_zero: int
+    n_infinite: int
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """Natural frequencies |lam| / 2 pi [Hz]."""
+        return np.asarray(np.abs(self.lam) / (2.0 * np.pi))
+
+    @property
+    def damping(self) -> Floats:
+        """Damping ratios -Re lam / |lam|; +-1 for real eigenvalues."""
+        return -self.lam.real / np.abs(self.lam)
+
+
+def second_order_form(model: DescriptorModel) -> SecondOrderForm:
+    """Eliminate the momenta exactly; MatrixError if the pencil is not of the form of docs/theory/linearisation.md."""
+    g_y, g_ydot = model.g_y, model.g_ydot
+    q, p, reactions = model.coordinates, model.momenta, model.reactions
+    definition, equilibrium = model.definition_rows, model.equilibrium_rows
+    dynamic = np.searchsorted(q, definition)
+    force_of_rate = np.zeros((len(q), len(p)))
+    force_of_rate[dynamic, np.arange(len(p))] = 1.0
+
+    by_p_y, by_p_ydot, by_r_ydot = g_y[:, p], g_ydot[:, p], g_ydot[:, reactions]
+    by_r_y = g_y[:, reactions]
+    required = (
+        (by_p_y[definition], -np.eye(len(p)), "momenta in their definitions"),
+        (by_p_ydot[definition], 0.0, "momenta rates in the momentum definitions"),
+        (by_p_ydot[equilibrium], force_of_rate, "momenta rates in the equilibrium equations"),
+        (by_p_y[reactions], 0.0, "momenta in the constraints"),
+        (by_p_ydot[reactions], 0.0, "momenta rates in the constraints"),
+        (by_r_ydot, 0.0, "rates of reactions"),
+        (by_r_y[reactions], 0.0, "reactions in the constraints"),
+        (by_r_y[definition], 0.0, "reactions in the momentum definitions"),
+    )
+    for block, wanted, what in required:
+        if block.size and np.abs(block - wanted).max() > _FORM_TOLERANCE:
+            raise MatrixError(
+                f"the matrices are not those of a multibody model: {what} differ from the expected 0 or 1 by "
+                f"{np.abs(block - wanted).max():.2g}"
+            )
+
+    momentum_mass, momentum_gyro = g_ydot[np.ix_(definition, q)], g_y[np.ix_(definition, q)]
+    momentum_force = by_p_y[equilibrium]
+    M = force_of_rate @ momentum_mass
+    C = g_ydot[np.ix_(equilibrium, q)] + force_of_rate @ momentum_gyro + momentum_force @ momentum_mass
+    K = g_y[np.ix_(equilibrium, q)] + momentum_force @ momentum_gyro
+    return SecondOrderForm(
+        M=M,
+        C=C,
+        K=K,
+        B=by_r_y[equilibrium],
+        Phi_0=g_y[np.ix_(reactions, q)],
+        Phi_1=g_ydot[np.ix_(reactions, q)],
+        momentum_mass=momentum_mass,
+        momentum_gyro=momentum_gyro,
+        momentum_force=momentum_force,
+        dynamic=dynamic,
+    )
+
+
+def modes(model: DescriptorModel) -> ModalModel:
+    """Return the modes of finite, nonzero eigenvalue with vectors scaled so that V_L g_ydot V_R = I (paper eq. (16)-(22)).
+
+    Redundant constraints, repeated and defective eigenvalues, velocity-type constraints and directions without mass are
+    allowed; docs/theory/projection.md says how each is treated.
+
+    Raises
+    ------
+    MatrixError
+        If the pencil is not that of a multibody model, or if it is singular (a motion that no equation determines).
+    """
+    form = second_order_form(model)
+    velocity = np.abs(form.Phi_1).max(axis=1, initial=0.0) > _FORM_TOLERANCE
+    N_R, _ = _null_space(form.Phi_0[~velocity])
+    N_L, reaction_solver = _null_space(form.B.T)
+
+    E, F, X_R = _reduced_pencil(form, N_R, N_L, velocity)
+    if E.shape[0] != E.shape[1]:
+        raise MatrixError(
+            f"the constraints leave {E.shape[1]} first-order unknowns, the reactions {E.shape[0]} equations; "
+            "each constraint equation must have a reaction of its own"
+        )
+    right, left, A, n_zero, n_infinite = _deflate(E, F)
+    lam, right, left, A, diagonal = _diagonalise(right, left, A)
+
+    # back to all unknowns: V_R
+    n_z = N_R.shape[1]
+    Q = N_R @ (X_R[:n_z] @ right)
+    QA = Q @ A
+    V_R = np.zeros((len(model.names), len(lam)), dtype=A.dtype)
+    V_R[model.coordinates] = Q
+    V_R[model.momenta] = form.momentum_mass @ QA + form.momentum_gyro @ Q
+    V_R[model.reactions] = -reaction_solver.solve(form.M @ (QA @ A) + form.C @ QA + form.K @ Q)
+
+    # back to all equations: V_L
+    W = left[:, n_z:] @ N_L.T
+    AW = A @ W
+    W_definition = AW[:, form.dynamic] + W @ form.momentum_force
+    V_L = np.zeros((len(lam), len(model.names)), dtype=A.dtype)
+    V_L[:, model.equilibrium_rows] = W
+    V_L[:, model.definition_rows] = W_definition
+    # W (A-polynomial of M, C, K) is the left residual without the constraint rows
+    residual = A @ (AW @ form.M) + AW @ form.C + W @ form.K
+    V_L[:, model.reactions] = _constraint_rows(form, velocity, A, residual)
+    return ModalModel(lam=lam, V_R=V_R, V_L=V_L, A=A, diagonal=diagonal, n_zero=n_zero, n_infinite=n_infinite)
+
+
+# ---- the reduction
+
+
+@dataclass(frozen=True)
+class _RangeSolver:
+    """Solves G^T x = b for b in the range of G^T (basic solution when the rows of G are dependent)."""
+
+    Q: Floats
+    R: Floats
+    pivots: Indices
+    size: int
+
+    def solve(self, b: NDArray[np.complex128] | Floats) -> NDArray[np.complex128] | Floats:
+        rank = len(self.R)
+        x = np.zeros((self.size, *b.shape[1:]), dtype=b.dtype)
+        x[self.pivots[:rank]] = scipy.linalg.solve_triangular(self.R, self.Q.T @ b, check_finite=False)
+        return x
+
+
+def _null_space(G: Floats) -> tuple[Floats, _RangeSolver]:
+    """Return an orthonormal basis of {x : G x = 0} and a solver with G^T, by QR with column pivoting."""
+    n_rows, n = G.shape
+    if n_rows == 0:
+        return np.eye(n), _RangeSolver(np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0, dtype=np.intp), 0)
+    Q, R, pivots = scipy.linalg.qr(G.T, pivoting=True, check_finite=False)
+    diagonal = np.abs(np.diagonal(R))
+    rank = int(np.count_nonzero(diagonal > _RANK_TOLERANCE * diagonal[0]))
+    return Q[:, rank:], _RangeSolver(Q[:, :rank], R[:rank, :rank], pivots, n_rows)
+
+
+def independent_constraints(G: Floats) -> Indices:
+    """Return the indices of a largest set of independent rows of `G`, ascending."""
+    _, solver = _null_space(G)
+    return np.sort(solver.pivots[: len(solver.R)])
+
+
+def _reduced_pencil(
+    form: SecondOrderForm, N_R: Floats, N_L: Floats, velocity: NDArray[np.bool_]
+) -> tuple[Floats, Floats, Floats]:
+    """Return E, F of lam E + F on [z; zdot] = X_R u, where q = N_R z: rows are z' = zdot and N_L^T (equilibrium)."""
+    n_z, n_w = N_R.shape[1], N_L.shape[1]
+    E, F = np.zeros((n_z + n_w, 2 * n_z)), np.zeros((n_z + n_w, 2 * n_z))
+    E[:n_z, :n_z] = np.eye(n_z)
+    E[n_z:, n_z:] = N_L.T @ (form.M @ N_R)
+    F[:n_z, n_z:] = -np.eye(n_z)
+    F[n_z:, :n_z] = N_L.T @ (form.K @ N_R)
+    F[n_z:, n_z:] = N_L.T @ (form.C @ N_R)
+    if not velocity.any():
+        return E, F, np.eye(2 * n_z)
+    X_R, _ = _null_space(np.hstack([form.Phi_0[velocity] @ N_R, form.Phi_1[velocity] @ N_R]))
+    return E @ X_R, F @ X_R, X_R
+
+
+def _deflate(E: Floats, F: Floats) -> tuple[Floats, Floats, Floats, int, int]:
+    """Split off zero and infinite eigenvalues of lam E + F.
+
+    Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, and the
+    number of zero and of infinite eigenvalues set aside.
+    """
+    size = len(E)
+    if size == 0:
+        return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0
+    if np.linalg.cond(E) < 1.0 / np.sqrt(np.finfo(float).eps):
+        H = -np.linalg.solve(E, F)
+        lam = np.linalg.eigvals(H)
+        threshold = _NEGLIGIBLE * np.abs(lam).max()
+        n_zero = int(np.count_nonzero(np.abs(lam) <= threshold))
+        right, left, A = _invariant_subspace(H, threshold, n_zero)
+        return right, np.linalg.solve(E.T, left.T).T, A, n_zero, 0
+
+    # Some direction has no mass: work with S = (sigma E + F)^-1 E, whose eigenvalues are 1 / (sigma - lam), zero for infinite.
+    sigma = 1.1 * np.linalg.norm(F) / np.linalg.norm(E)  # [rad/s] of the size of the pencil's own eigenvalues
+    shifted = sigma * E + F
+    if np.linalg.cond(shifted) > 1e13:
+        raise MatrixError("the pencil is singular: some motion meets no mass, damping, stiffness or constraint")
+    S = np.linalg.solve(shifted, E)
+    mu = np.linalg.eigvals(S)
+    threshold = _NEGLIGIBLE * np.abs(mu).max()
+    n_infinite = int(np.count_nonzero(np.abs(mu) <= threshold))
+    right, left, S_finite = _invariant_subspace(S, threshold, n_infinite)
+    A = sigma * np.eye(len(S_finite)) - np.linalg.inv(S_finite)
+    left = np.linalg.solve(S_finite, np.linalg.solve(shifted.T, left.T).T)
+    lam = np.linalg.eigvals(A)
+    threshold = _NEGLIGIBLE * np.abs(lam).max(initial=0.0)
+    n_zero = int(np.count_nonzero(np.abs(lam) <= threshold))
+    inner_right, inner_left, A = _invariant_subspace(A, threshold, n_zero)
+    return right @ inner_right, inner_left @ left, A, n_zero, n_infinite
+
+
+def _invariant_subspace(H: Floats, threshold: float, n_dropped: int) -> tuple[Floats, Floats, Floats]:
+    """Return right, left, A for the eigenvalues of H larger than `threshold`: left right = I, left H right = A."""
+    size = len(H)
+    if n_dropped == 0:
+        return np.eye(size), np.eye(size), H
+    T, Z, kept = scipy.linalg.schur(H, output="real", sort=lambda re, im=0.0: np.hypot(np.abs(re), im) > threshold)
+    if kept != size - n_dropped:
+        raise MatrixError(
+            f"eigenvalues near the limit of what counts as zero or infinite ({threshold:.3g}): "
+            f"{size - n_dropped} by one count, {kept} by another"
+        )
+    # [T11 T12; 0 T22]: remove the coupling with X, T11 X - X T22 = -T12, so that the left basis is [I, -X] Z^T
+    X = scipy.linalg.solve_sylvester(T[:kept, :kept], -T[kept:, kept:], -T[:kept, kept:])
+    left = Z[:, :kept].T - X @ Z[:, kept:].T
+    return Z[:, :kept], left, T[:kept, :kept]
+
+
+def _diagonalise(
+    right: Floats, left: Floats, A: Floats
+) -> tuple[Complexes, NDArray[np.complex128] | Floats, NDArray[np.complex128] | Floats, NDArray[np.complex128] | Floats, bool]:
+    """Turn real bases into eigenvectors where these are a sound basis."""
+    lam, T = np.linalg.eig(A)
+    # numpy returns conjugate pairs side by side, positive imaginary part first; sort by modulus without parting them
+    heads = np.flatnonzero(lam.imag >= 0.0)
+    heads = heads[np.argsort(np.abs(lam[heads]), kind="stable")]
+    order = np.array([j for k in heads for j in ((k, k + 1) if lam[k].imag > 0.0 else (k,))], dtype=np.intp)
+    lam, T = lam[order].astype(np.complex128), T[:, order].astype(np.complex128)
+    if len(lam) == 0 or np.linalg.cond(T) < _MAX_CONDITION:
+        return lam, right @ T, np.linalg.solve(T, left.astype(np.complex128)), np.diag(lam), True
+    return lam, right, left, A, False
+
+
+def _constraint_rows(
+    form: SecondOrderForm,
+    velocity: NDArray[np.bool_],
+    A: NDArray[np.complex128] | Floats,
+    residual: NDArray[np.complex128] | Floats,
+) -> NDArray[np.complex128] | Floats:
+    """Return the left vectors' constraint part W_c: A W_c Phi_1 + W_c Phi_0 = -residual."""
+    if not velocity.any():
+        _, solver = _null_space(form.Phi_0)
+        return -solver.solve(residual.T).T
+    r, n_r = len(A), len(form.Phi_0)
+    # row-major vec: vec(A W Phi_1) = (A kron Phi_1^T) vec(W)
+    system = np.kron(A, form.Phi_1.T) + np.kron(np.eye(r), form.Phi_0.T)
+    solution: NDArray[np.complex128] | Floats = np.linalg.lstsq(system, -residual.reshape(-1), rcond=_RANK_TOLERANCE)[0]
+    return solution.reshape(r, n_r)
