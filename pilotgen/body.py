@@ -9,7 +9,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 
 from pilotgen.biometrics import Biometrics
 from pilotgen.errors import StudyError
-from pilotgen.limb import SEGMENTS, JointAngles, Limb, Muscle, Segment, limb_pose
+from pilotgen.limb import SEGMENTS, Limb, Muscle, Segment
 from pilotgen.yamlfile import read_yaml
 
 __all__ = ["SEGMENTS", "SIDES", "Body", "Limb", "Muscle", "Segment", "make_body"]
@@ -66,6 +66,8 @@ class _Anatomy:
     skeleton: dict[str, Any]
     humerus_in_torso: np.ndarray  # (3, 3) orthonormal
     hand_in_radius: np.ndarray  # (3, 3) orthonormal
+    reference_humerus: np.ndarray  # (3, 3) axes of the humerus at the reference posture, torso axes
+    reference_elbow: np.ndarray  # (3, 3) the elbow's rotation there, humerus axes
     muscle_names: tuple[tuple[str, str, str, str], ...]  # name, full name, body of origin, body of insertion
     ends_body: np.ndarray  # (25, 2) index into _BODIES
     ends_m: np.ndarray  # (25, 2, 3)
@@ -108,10 +110,16 @@ def make_body(biometrics: Biometrics, limbs: Iterable[str] = ("left",)) -> Body:
     strength_factor = _strength_factor(anatomy.strength, biometrics, dimensions_mm["acromion_radiale_length"])
 
     right = _skeleton(anatomy, lengths, carrying_angle_deg, _segments(anatomy, biometrics, lengths))
-    right = replace(right, muscles=_muscles(anatomy, right, lengths, strength_factor))
+    ends_m, l0_m = _bundles(anatomy, right, lengths)
     return Body(
         biometrics=biometrics,
-        limbs={side: right if side == "right" else _mirrored(right) for side in sides},
+        limbs={
+            side: replace(
+                right if side == "right" else _mirrored(right),
+                muscles=_muscles(anatomy, ends_m if side == "right" else ends_m * _MIRROR + 0.0, l0_m, strength_factor),
+            )
+            for side in sides
+        },
         sitting_height_m=1e-3 * dimensions_mm["sitting_height"],
         eye_height_sitting_m=1e-3 * dimensions_mm["eye_height_sitting"],
         acromial_height_sitting_m=1e-3 * dimensions_mm["acromial_height_sitting"],
@@ -135,18 +143,44 @@ def _anatomy() -> _Anatomy:
     muscles = files["muscles"]["muscles"]
     ends = ("origin", "insertion")
     position = files["skeleton"]["anatomical_position"]
+    humerus_in_torso = _nearest_rotation(position["humerus_in_torso"])
+    posture = files["skeleton"]["reference_posture"]
+    flexion, abduction, rotation, elbow = (
+        math.radians(posture[f"{name}_deg"])
+        for name in ("shoulder_flexion", "shoulder_abduction", "shoulder_internal_rotation", "elbow_flexion")
+    )
+    tilt = math.radians(files["skeleton"]["joints"]["flexion_axis_tilt_in_humerus_deg"])
     return _Anatomy(
         anthropometry=files["anthropometry"],
         inertia=files["inertia"],
         strength=files["strength"],
         skeleton=files["skeleton"],
-        humerus_in_torso=_nearest_rotation(position["humerus_in_torso"]),
+        humerus_in_torso=humerus_in_torso,
         hand_in_radius=_nearest_rotation(position["hand_in_radius"]),
+        reference_humerus=_turn((0.0, 0.0, 1.0), flexion)
+        @ _turn((1.0, 0.0, 0.0), -abduction)
+        @ _turn((0.0, 1.0, 0.0), rotation)
+        @ humerus_in_torso,
+        reference_elbow=_turn((0.0, math.sin(tilt), math.cos(tilt)), elbow),
         muscle_names=tuple((m["name"], m["full_name"], m["origin"]["body"], m["insertion"]["body"]) for m in muscles),
         ends_body=np.array([[_BODIES.index(m[end]["body"]) for end in ends] for m in muscles]),
         ends_m=np.array([[m[end]["point_m"] for end in ends] for m in muscles], dtype=float),
         F0_N=np.array([m["F0_N"] for m in muscles], dtype=float),
         relative_length=np.array([m["length_at_reference_posture_m"] / m["l0_m"] for m in muscles]),
+    )
+
+
+def _turn(axis: Sequence[float], angle_rad: float) -> np.ndarray:
+    """Return the rotation matrix of an angle about a unit axis."""
+    x, y, z = axis
+    s, c = math.sin(angle_rad), math.cos(angle_rad)
+    t = 1.0 - c
+    return np.array(
+        [
+            [c + t * x * x, t * x * y - s * z, t * x * z + s * y],
+            [t * x * y + s * z, c + t * y * y, t * y * z - s * x],
+            [t * x * z - s * y, t * y * z + s * x, c + t * z * z],
+        ]
     )
 
 
@@ -166,7 +200,9 @@ def _dimensions_mm(regressions: Mapping[str, Any], biometrics: Biometrics) -> di
     mass = biometrics.mass_kg - centre["mass_kg"]
     age = biometrics.age_years - centre["age_years"]
     return {
-        name: row[0] + row[1] * stature + row[2] * mass + row[3] * age for name, row in table.items() if name != "centre"
+        name: row[0] + row[1] * stature + row[2] * mass + row[3] * age
+        for name, row in table.items()
+        if name != "centre"
     }
 
 
@@ -224,12 +260,16 @@ def _segments(anatomy: _Anatomy, biometrics: Biometrics, lengths: _Lengths) -> d
             for name in ("upper_arm", "forearm", "hand")
         }
     else:
-        mass_kg = {name: masses[f"{name}_per_body_mass"] * biometrics.mass_kg for name in ("upper_arm", "forearm", "hand")}
+        mass_kg = {
+            name: masses[f"{name}_per_body_mass"] * biometrics.mass_kg for name in ("upper_arm", "forearm", "hand")
+        }
     geometry = anatomy.inertia["geometry"][biometrics.sex]
     metacarpal_m = anatomy.skeleton["joints"]["wrist_to_third_metacarpal_head_m"]
     hand_scale = lengths.hand / anatomy.skeleton["reference_lengths"]["hand_m"]
     segments = {
-        "humerus": _segment("humerus", lengths.upper_arm, lengths.upper_arm, mass_kg["upper_arm"], geometry["upper_arm"]),
+        "humerus": _segment(
+            "humerus", lengths.upper_arm, lengths.upper_arm, mass_kg["upper_arm"], geometry["upper_arm"]
+        ),
         "hand": _segment("hand", metacarpal_m * hand_scale, lengths.hand, mass_kg["hand"], geometry["hand"]),
     }
     for name, (share, row) in _forearm_halves(tuple(geometry["forearm"])).items():
@@ -278,9 +318,7 @@ def _forearm_halves(row: tuple[float, float, float, float]) -> dict[str, tuple[f
 # ---- joints
 
 
-def _skeleton(
-    anatomy: _Anatomy, lengths: _Lengths, carrying_angle_deg: float, segments: dict[str, Segment]
-) -> Limb:
+def _skeleton(anatomy: _Anatomy, lengths: _Lengths, carrying_angle_deg: float, segments: dict[str, Segment]) -> Limb:
     """Return the right arm without muscles, its closed chain satisfied at the anatomical position by construction.
 
     At full extension the x axes of humerus and ulna are parallel and both long axes lie in the plane across x, where
@@ -310,7 +348,7 @@ def _skeleton(
     ulna = humerus @ np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
     # Palm forward: the radius turned in pronation from parallel bones, about the line through both its ulnar joints.
     parallel_deg = anatomy.skeleton["anatomical_position"]["forearm_turned_from_parallel_bones_deg"]
-    radius = ulna @ _turn(-ulnar_head / math.sqrt(ulnar_head @ ulnar_head), math.radians(parallel_deg))
+    radius = ulna @ _turn(_forearm_axis(ulnar_head), math.radians(parallel_deg))
     hand = radius @ anatomy.hand_in_radius
     wrist = np.array([0.0, -lengths.forearm, 0.0])
     head_m = humerus @ radial_head
@@ -337,17 +375,23 @@ def _skeleton(
     )
 
 
-def _turn(axis: np.ndarray, angle_rad: float) -> np.ndarray:
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * cross @ cross)
+def _forearm_axis(UH_in_radius: np.ndarray) -> list[float]:
+    """Return the unit vector from ulnar head to radial head in the radius: the right forearm's axis of pronation."""
+    x, y, z = UH_in_radius.tolist()
+    norm = -math.sqrt(x * x + y * y + z * z)
+    return [x / norm, y / norm, z / norm]
 
 
 # ---- muscles
 
 
-def _muscles(anatomy: _Anatomy, limb: Limb, lengths: _Lengths, strength_factor: float) -> tuple[Muscle, ...]:
-    """Return the muscles: points scaled with their own bone, l0 such that length / l0 is everybody's at one posture."""
+def _bundles(anatomy: _Anatomy, limb: Limb, lengths: _Lengths) -> tuple[np.ndarray, np.ndarray]:
+    """Return the right arm's muscle ends (25, 2, 3) and l0 (25,) [m].
+
+    Ends scale with their own bone, torso points with the humerus. l0 is such that length / l0 at the reference posture is
+    that of the reference subject: muscles grow with the distance they span, so that everybody works on the same part of
+    the force-length curve.
+    """
     reference = anatomy.skeleton["reference_lengths"]
     humerus_scale = lengths.upper_arm / reference["humerus_m"]
     forearm_scale = lengths.forearm / reference["forearm_m"]
@@ -355,20 +399,36 @@ def _muscles(anatomy: _Anatomy, limb: Limb, lengths: _Lengths, strength_factor: 
     scale = np.array([humerus_scale, humerus_scale, forearm_scale, forearm_scale, hand_scale])  # as _BODIES
     ends_m = anatomy.ends_m * scale[anatomy.ends_body][:, :, None]
 
-    posture = anatomy.skeleton["reference_posture"]
-    angles = JointAngles(**{key.removesuffix("_deg"): value for key, value in posture.items()})
-    origins, axes = limb_pose(limb, angles)
-    all_origins = np.array([np.zeros(3), *(origins[name] for name in SEGMENTS)])
-    all_axes = np.array([np.eye(3), *(axes[name] for name in SEGMENTS)])
+    # The bones at the reference posture. The forearm turns about a line that passes through HR and UH, fixed in both bones.
+    pronation_deg = anatomy.skeleton["reference_posture"]["pronation_from_anatomical_deg"]
+    ulna_at_elbow = limb.anatomical_axes["humerus"].T @ limb.anatomical_axes["ulna"]
+    radius_in_ulna = limb.anatomical_axes["ulna"].T @ limb.anatomical_axes["radius"]
+    humerus = anatomy.reference_humerus
+    ulna = humerus @ anatomy.reference_elbow @ ulna_at_elbow
+    radius = ulna @ radius_in_ulna @ _turn(_forearm_axis(limb.UH_in_radius), math.radians(pronation_deg))
+    hand = radius @ anatomy.hand_in_radius
+    head = humerus @ limb.HR_in_humerus
+    origins = {
+        "torso": np.zeros(3),
+        "humerus": np.zeros(3),
+        "radius": head,
+        "ulna": humerus @ limb.HU_in_humerus,
+        "hand": head + radius @ limb.W_in_radius,
+    }
+    axes = {"torso": np.eye(3), "humerus": humerus, "radius": radius, "ulna": ulna, "hand": hand}
+    all_origins = np.array([origins[name] for name in _BODIES])
+    all_axes = np.array([axes[name] for name in _BODIES])
     placed = all_origins[anatomy.ends_body] + np.einsum("meij,mej->mei", all_axes[anatomy.ends_body], ends_m)
     length_m = np.sqrt(np.sum((placed[:, 1] - placed[:, 0]) ** 2, axis=1))
-    l0_m = (length_m / anatomy.relative_length).tolist()
-    F0_N = (anatomy.F0_N * strength_factor).tolist()
+    return ends_m, length_m / anatomy.relative_length
+
+
+def _muscles(anatomy: _Anatomy, ends_m: np.ndarray, l0_m: np.ndarray, strength_factor: float) -> tuple[Muscle, ...]:
     per_second = float(anatomy.strength["maximum_velocity_l0_per_s"])
     return tuple(
         Muscle(name, full_name, origin, ends[0], insertion, ends[1], force, l0, per_second * l0)
         for (name, full_name, origin, insertion), ends, force, l0 in zip(
-            anatomy.muscle_names, ends_m, F0_N, l0_m, strict=True
+            anatomy.muscle_names, ends_m, (anatomy.F0_N * strength_factor).tolist(), l0_m.tolist(), strict=True
         )
     )
 
@@ -377,38 +437,34 @@ def _muscles(anatomy: _Anatomy, limb: Limb, lengths: _Lengths, strength_factor: 
 
 
 def _mirrored(limb: Limb) -> Limb:
-    """Return the mirror image z -> -z of a limb: points p -> S p, frames and inertia R -> S R S, axial vectors a -> -S a."""
-    s = _MIRROR
-    outer = np.outer(s, s)
+    """Return the mirror image z -> -z of a limb without muscles.
+
+    With S = diag(1, 1, -1): points p -> S p, frames and inertia R -> S R S, axial vectors a -> -S a.
+    """
+    outer = _MIRROR[:, None] * _MIRROR
+
+    def point(p: np.ndarray) -> np.ndarray:
+        return np.asarray(p * _MIRROR + 0.0)  # + 0.0: no -0 in the decks
+
+    def axial(a: np.ndarray) -> np.ndarray:
+        return np.asarray(0.0 - a * _MIRROR)
+
     return Limb(
         side="left" if limb.side == "right" else "right",
         segments={
-            name: replace(segment, com_m=segment.com_m * s, inertia_kg_m2=segment.inertia_kg_m2 * outer)
+            name: replace(segment, com_m=point(segment.com_m), inertia_kg_m2=segment.inertia_kg_m2 * outer + 0.0)
             for name, segment in limb.segments.items()
         },
-        muscles=tuple(
-            Muscle(
-                m.name,
-                m.full_name,
-                m.origin_body,
-                m.origin_m * s,
-                m.insertion_body,
-                m.insertion_m * s,
-                m.F0_N,
-                m.l0_m,
-                m.V0_m_per_s,
-            )
-            for m in limb.muscles
-        ),
-        HU_in_humerus=limb.HU_in_humerus * s,
-        HR_in_humerus=limb.HR_in_humerus * s,
-        elbow_axis_in_humerus=-s * limb.elbow_axis_in_humerus,
-        elbow_axis_in_ulna=-s * limb.elbow_axis_in_ulna,
-        UH_in_radius=limb.UH_in_radius * s,
-        W_in_radius=limb.W_in_radius * s,
-        wrist_flexion_axis_in_radius=-s * limb.wrist_flexion_axis_in_radius,
-        wrist_deviation_axis_in_hand=-s * limb.wrist_deviation_axis_in_hand,
-        grip_in_hand=limb.grip_in_hand * s,
-        anatomical_origin_m={name: origin * s for name, origin in limb.anatomical_origin_m.items()},
-        anatomical_axes={name: axes * outer for name, axes in limb.anatomical_axes.items()},
+        muscles=(),
+        HU_in_humerus=point(limb.HU_in_humerus),
+        HR_in_humerus=point(limb.HR_in_humerus),
+        elbow_axis_in_humerus=axial(limb.elbow_axis_in_humerus),
+        elbow_axis_in_ulna=axial(limb.elbow_axis_in_ulna),
+        UH_in_radius=point(limb.UH_in_radius),
+        W_in_radius=point(limb.W_in_radius),
+        wrist_flexion_axis_in_radius=axial(limb.wrist_flexion_axis_in_radius),
+        wrist_deviation_axis_in_hand=axial(limb.wrist_deviation_axis_in_hand),
+        grip_in_hand=point(limb.grip_in_hand),
+        anatomical_origin_m={name: point(origin) for name, origin in limb.anatomical_origin_m.items()},
+        anatomical_axes={name: axes * outer + 0.0 for name, axes in limb.anatomical_axes.items()},
     )
