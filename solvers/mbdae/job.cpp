@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/job.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <new>
+#include <stdexcept>
+
+#include "mbdae/dae/analyses.h"
+#include "mbdae/output/hdf5_file.h"
+#include "mbdae/output/matrices_file.h"
+#include "mbdae/output/motion_file.h"
+#include "mbdae/output/provenance.h"
+
+namespace mbdae {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// A deck larger than this is something else [bytes].
+constexpr std::size_t kLargestDeck = 256u << 20;
+
+/// The job asks for something that cannot be done with this deck, or with these options.
+class BadRequest : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+std::string read_text_file(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) throw FileError("cannot read '" + path + "': " + std::strerror(errno));
+  std::string text;
+  char buffer[65536];
+  ssize_t count = 0;
+  while ((count = ::read(fd, buffer, sizeof buffer)) != 0) {
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) {
+      const int error = errno;
+      ::close(fd);
+      throw FileError("cannot read '" + path + "': " + std::strerror(error));
+    }
+    text.append(buffer, static_cast<std::size_t>(count));
+    if (text.size() > kLargestDeck) {
+      ::close(fd);
+      throw FileError("'" + path + "' is larger than 256 MB: this is not a deck");
+    }
+  }
+  ::close(fd);
+  return text;
+}
+
+/// SHA-256 of the deck's text followed by its includes in order of appearance.
+std::string deck_hash(std::string text, const Deck& deck) {
+  for (std::size_t i = 1; i < deck.files.size(); ++i) text += read_text_file(deck.files[i]);
+  return sha256_hex(text);
+}
+
+/// Refuses an output whose directory cannot take it before any time is spent on the analysis.
+void check_output_directory(const std::string& path) {
+  const fs::path parent = fs::path(path).parent_path();
+  const std::string directory = parent.empty() ? "." : parent.string();
+  struct stat status {};
+  int error = 0;
+  if (::stat(directory.c_str(), &status) != 0) {
+    error = errno;
+  } else if (!S_ISDIR(status.st_mode)) {
+    error = ENOTDIR;
+  } else if (::access(directory.c_str(), W_OK) != 0) {
+    error = errno;
+  }
+  if (error != 0) {
+    throw FileError("cannot write '" + path + "': directory '" + directory + "': " + std::strerror(error));
+  }
+}
+
+std::vector<std::pair<std::string, long>> count_deck(const Deck& deck) {
+  long muscles = 0, rods = 0, deformable = 0;
+  for (const JointData& joint : deck.joints) {
+    if (const RodData* rod = std::get_if<RodData>(&joint.kind)) {
+      ++(std::holds_alternative<MuscleLaw>(rod->law) ? muscles : rods);
+    } else if (std::holds_alternative<DeformableHingeData>(joint.kind) ||
+               std::holds_alternative<DeformableJointData>(joint.kind)) {
+      ++deformable;
+    }
+  }
+  const long joints = static_cast<long>(deck.joints.size()) - muscles - rods - deformable;
+  return {{"nodes", static_cast<long>(deck.nodes.size())},
+          {"dummy_nodes", static_cast<long>(deck.dummy_nodes.size())},
+          {"bodies", static_cast<long>(deck.bodies.size())},
+          {"joints", joints},
+          {"deformable", deformable},
+          {"rods", rods},
+          {"muscles", muscles},
+          {"forces", static_cast<long>(deck.forces.size())}};
+}
+
+Task task_of_deck(const Deck& deck) {
+  if (deck.control.static_model) return Task::static_equilibrium;
+  return deck.initial_value.eigenanalysis ? Task::linearise : Task::integrate;
+}
+
+const char* analysis_name(Task task) {
+  switch (task) {
+    case Task::static_equilibrium:
+      return "static";
+    case Task::linearise:
+      return "linearise";
+    case Task::integrate:
+      return "integrate";
+    default:
+      return "check";
+  }
+}
+
+void refuse_unused_options(Task task, const JobOptions& options) {
+  const std::string doing = std::string("; this job's analysis is '") + analysis_name(task) + "'";
+  if (const char* name = options.integration_option(); name && task != Task::integrate) {
+    throw BadRequest(std::string("option '") + name + "' belongs to a time integration" + doing);
+  }
+  if (const char* name = options.linearisation_option(); name && task != Task::linearise) {
+    throw BadRequest(std::string("option '") + name + "' belongs to a linearisation" + doing);
+  }
+  if (const char* name = options.static_option(); name && task != Task::static_equilibrium) {
+    throw BadRequest(std::string("option '") + name + "' belongs to a static equilibrium" + doing);
+  }
+  if (options.layout && task != Task::check) throw BadRequest("option 'layout' belongs to a check" + doing);
+}
+
+/// A result with a NaN or an infinity is no result: says where the first one is.
+void require_finite(const LinearisedModel& model) {
+  const auto name = [&](Eigen::Index i) { return model.dofs.at(static_cast<std::size_t>(i)).name; };
+  const std::pair<const char*, const Eigen::VectorXd*> vectors[] = {
+      {"y", &model.y}, {"ydot", &model.ydot}, {"residual", &model.residual}};
+  for (const auto& [what, vector] : vectors) {
+    for (Eigen::Index i = 0; i < vector->size(); ++i) {
+      if (!std::isfinite((*vector)(i))) throw NotConverged(std::string(what) + " at " + name(i) + " is not finite");
+    }
+  }
+  const std::pair<const char*, const Eigen::MatrixXd*> matrices[] = {{"J(c)", &model.J_plus},
+                                                                     {"J(-c)", &model.J_minus}};
+  for (const auto& [what, matrix] : matrices) {
+    if (matrix->allFinite()) continue;
+    for (Eigen::Index col = 0; col < matrix->cols(); ++col) {
+      for (Eigen::Index row = 0; row < matrix->rows(); ++row) {
+        if (!std::isfinite((*matrix)(row, col))) {
+          throw NotConverged(std::string(what) + " is not finite in the equation of " + name(row) +
+                             ", derivative with respect to " + name(col));
+        }
+      }
+    }
+  }
+}
+
+std::string output_path(const Job& job, Task task) {
+  if (job.output.empty() || !job.output_is_prefix) return job.output;
+  return job.output + (task == Task::integrate ? ".motion.h5" : ".h5");
+}
+
+LinearisedModel solve(Task task, const Deck& deck, const JobOptions& given) {
+  if (task == Task::static_equilibrium) {
+    if (!deck.control.static_model) {
+      throw ModelError("a static equilibrium needs 'model: static' in the control data block");
+    }
+    StaticOptions options;
+    if (given.tolerance) options.tolerance = *given.tolerance;
+    if (given.max_iterations) options.max_iterations = *given.max_iterations;
+    return solve_static(deck, options);
+  }
+  LineariseOptions options;
+  options.c = given.c;
+  if (given.state) options.state = read_state(*given.state);
+  return linearise(deck, options);
+}
+
+Motion integrate_deck(const Deck& deck, const Job& job, Integration& integration) {
+  IntegrateOptions options;
+  const JobOptions& given = job.options;
+  if (given.integrator) options.integrator = *given.integrator;
+  if (given.rtol) options.rtol = *given.rtol;
+  if (given.atol) options.atol = *given.atol;
+  options.final_time = given.final_time;
+  options.time_step = given.time_step;
+  if (given.every) options.output_every = *given.every;
+  options.channels = given.channels;
+  options.progress = job.progress;
+  integration = {options.integrator, options.rtol, options.atol};
+  return integrate(deck, options);
+}
+
+void analyse(const Job& job, Task task, const std::string& text, const Deck& deck, Outcome& outcome) {
+  const std::string output = output_path(job, task);
+  if (!output.empty()) check_output_directory(output);
+  const auto provenance = [&] { return Provenance{program_version(), deck_hash(text, deck)}; };
+
+  if (task == Task::integrate) {
+    Integration integration;
+    const Motion motion = integrate_deck(deck, job, integration);
+    outcome.counts = {{"rows", static_cast<long>(motion.time.size())},
+                      {"channels", static_cast<long>(motion.channels.size())}};
+    if (!output.empty()) write_motion_file(output, motion, integration, provenance());
+  } else {
+    LinearisedModel model = solve(task, deck, job.options);
+    require_finite(model);
+    outcome.iterations = model.iterations;
+    outcome.residual_norm = model.residual_norm;
+    outcome.counts = {{"unknowns", static_cast<long>(model.y.size())},
+                      {"inputs", static_cast<long>(model.inputs.size())},
+                      {"muscles", static_cast<long>(model.muscles.size())}};
+    if (!output.empty()) write_matrices_file(output, model, provenance());
+    outcome.nodes = std::move(model.nodes);
+  }
+  outcome.output = output;
+}
+
+/// The work of run_job without its edge.
+void run(const Job& job, Outcome& outcome) {
+  const std::string text = job.text ? *job.text : read_text_file(job.deck);
+  ReadResult read = read_deck_text(text, job.deck);
+  outcome.diagnostics = std::move(read.diagnostics);
+  if (!read.deck) {
+    outcome.status = Status::deck_error;
+    outcome.message = "the deck cannot be read";
+    for (const Diagnostic& diagnostic : outcome.diagnostics) {
+      if (diagnostic.severity == Severity::error) {
+        outcome.message = diagnostic.format();
+        break;
+      }
+    }
+    return;
+  }
+  const Deck& deck = *read.deck;
+  const Task task = job.task == Task::automatic ? task_of_deck(deck) : job.task;
+  outcome.analysis = analysis_name(task);
+  refuse_unused_options(task, job.options);
+  if (task == Task::check) {
+    outcome.counts = count_deck(deck);
+    if (job.options.layout) {
+      outcome.dofs = linearise(deck, LineariseOptions{}).dofs;
+      outcome.counts.emplace_back("unknowns", static_cast<long>(outcome.dofs.size()));
+    }
+    return;
+  }
+  analyse(job, task, text, deck, outcome);
+}
+
+}  // namespace
+
+std::string program_version() { return "mbdae " MBDAE_VERSION; }
+
+const char* JobOptions::integration_option() const {
+  if (integrator) return "integrator";
+  if (rtol) return "rtol";
+  if (atol) return "atol";
+  if (final_time) return "final_time";
+  if (time_step) return "time_step";
+  if (every) return "every";
+  return channels.empty() ? nullptr : "channels";
+}
+
+const char* JobOptions::linearisation_option() const { return c ? "c" : state ? "state" : nullptr; }
+
+const char* JobOptions::static_option() const {
+  return tolerance ? "tolerance" : max_iterations ? "max_iterations" : nullptr;
+}
+
+const char* status_name(Status status) {
+  switch (status) {
+    case Status::ok:
+      return "ok";
+    case Status::deck_error:
+      return "deck_error";
+    case Status::not_converged:
+      return "not_converged";
+    case Status::io_error:
+      return "io_error";
+    case Status::bad_request:
+      return "bad_request";
+    case Status::internal_error:
+      break;
+  }
+  return "internal_error";
+}
+
+int exit_code(Status status) { return status == Status::ok ? 0 : status == Status::not_converged ? 2 : 1; }
+
+Outcome run_job(const Job& job) {
+  const auto start = std::chrono::steady_clock::now();
+  Outcome outcome;
+  const auto fail = [&](Status status, const std::string& message) {
+    outcome.status = status;
+    outcome.message = message;
+  };
+  try {
+    run(job, outcome);
+  } catch (const NotConverged& error) {
+    fail(Status::not_converged, job.deck + ": " + error.what());
+  } catch (const ModelError& error) {
+    Diagnostic diagnostic;
+    diagnostic.file = job.deck;
+    diagnostic.message = error.what();
+    fail(Status::deck_error, diagnostic.format());
+    outcome.diagnostics.push_back(std::move(diagnostic));
+  } catch (const FileError& error) {
+    fail(Status::io_error, error.what());
+  } catch (const BadRequest& error) {
+    fail(Status::bad_request, error.what());
+  } catch (const std::bad_alloc&) {
+    fail(Status::internal_error, job.deck + ": out of memory");
+  } catch (const std::exception& error) {
+    fail(Status::internal_error, job.deck + ": unexpected: " + error.what());
+  }
+  outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return outcome;
+}
+
+}  // namespace mbdae
