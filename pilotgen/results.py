@@ -18,6 +18,7 @@ from pilotgen.errors import FileError
 
 FILETYPE = "pilotgen study"
 VERSION = (1, 0)
+CHUNK_ROWS = 1024  # rows per HDF5 chunk
 
 # dataset name -> path in the result object; missing or null becomes NaN
 SCALARS: dict[str, tuple[str, ...]] = {
@@ -75,7 +76,7 @@ def _dig(result: Mapping[str, Any], path: Sequence[str], missing: float) -> floa
     return missing if value is None else float(value)
 
 
-def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray, rank: np.ndarray) -> dict[str, np.ndarray]:
+def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray, rank: np.ndarray | None) -> dict[str, np.ndarray]:
     """The datasets of /evaluations.
 
     Parameters
@@ -86,7 +87,7 @@ def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray
         Variable names, in the order of the columns of `inputs`.
     objectives : ndarray, shape (n, m)
         Objectives as ranked, NaN for failures.
-    rank : ndarray of int, shape (n,)
+    rank : ndarray of int, shape (n,), optional
         Front among all evaluations, 0 for failures.
     """
     failed = np.array([row.result["status"] != "ok" for row in rows], dtype=bool)
@@ -98,7 +99,7 @@ def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray
         "stage": np.array([str(row.result.get("stage", "")) for row in rows], dtype=object),
         "reason": np.array([str(row.result.get("reason", "")) for row in rows], dtype=object),
         "objectives": np.asarray(objectives, dtype=float),
-        "rank": np.asarray(rank, dtype=np.int64),
+        **({} if rank is None else {"rank": np.asarray(rank, dtype=np.int64)}),
         "stable": np.array(
             [-1 if bad else int(bool(row.result["loop"]["stable"])) for row, bad in zip(rows, failed, strict=True)], dtype=np.int64
         ),
@@ -108,6 +109,95 @@ def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray
     for name, path in MARGINS.items():
         columns[name] = np.array([_dig(row.result, path, math.inf) for row in rows], dtype=float)
     return columns
+
+
+class ResultsWriter:
+    """Writes study.h5 piece by piece, whole or not at all: the file takes its name when the block ends without an error.
+
+    Memory does not grow with the number of evaluations; identical pieces give identical bytes.
+
+    Parameters
+    ----------
+    path : Path
+        The file to write.
+    attributes : mapping
+        Provenance, as on the format page.
+    names, lower, upper : sequences
+        The variables and their bounds.
+    objective_names : sequence of str
+        Columns of `objectives`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        attributes: Mapping[str, Any],
+        names: Sequence[str],
+        lower: np.ndarray,
+        upper: np.ndarray,
+        objective_names: Sequence[str],
+    ) -> None:
+        import h5py
+
+        self.path = path
+        self.names = tuple(names)
+        self._objective_names = tuple(objective_names)
+        self._part = path.with_name(path.name + ".part")
+        self._text = h5py.string_dtype("utf-8")
+        try:
+            self._file = h5py.File(self._part, "w", track_order=True)
+        except OSError as error:
+            raise self._explain(error) from None
+        self._file.attrs["filetype"] = FILETYPE
+        self._file.attrs["version"] = np.array(VERSION, dtype=np.int64)
+        for key, value in attributes.items():
+            self._file.attrs[key] = value
+        variables = self._file.create_group("variables")
+        variables.create_dataset("name", data=np.array(list(names), dtype=object), dtype=self._text)
+        variables.create_dataset("lower", data=np.asarray(lower, dtype=float))
+        variables.create_dataset("upper", data=np.asarray(upper, dtype=float))
+        self._evaluations = self._file.create_group("evaluations", track_order=True)
+
+    def _explain(self, error: OSError) -> FileError:
+        return FileError(f"{self.path}: cannot write the results ({error.strerror or error}); check space and permissions")
+
+    def append(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Add evaluations: the datasets of `columns_of`, the same ones every time."""
+        group = self._evaluations
+        try:
+            for key, data in columns.items():
+                if key not in group:
+                    kind = self._text if data.dtype == object else data.dtype
+                    group.create_dataset(
+                        key, data=data, dtype=kind, maxshape=(None, *data.shape[1:]), chunks=(max(1, CHUNK_ROWS), *data.shape[1:])
+                    )
+                    if key == "objectives":
+                        group[key].attrs["names"] = np.array(list(self._objective_names), dtype=object)
+                else:
+                    old = len(group[key])
+                    group[key].resize(old + len(data), axis=0)
+                    group[key][old:] = data
+        except OSError as error:
+            raise self._explain(error) from None
+
+    def population(self, members: np.ndarray, front: np.ndarray) -> None:
+        """Write the populations a search went through."""
+        group = self._file.create_group("population")
+        group.create_dataset("members", data=np.asarray(members, dtype=np.int64))
+        group.create_dataset("front", data=np.asarray(front, dtype=np.int64))
+
+    def __enter__(self) -> ResultsWriter:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            self._file.close()
+            if kind is None:
+                os.replace(self._part, self.path)
+        except OSError as error:
+            raise self._explain(error) from None
+        finally:
+            self._part.unlink(missing_ok=True)
 
 
 def write_results(
@@ -121,33 +211,11 @@ def write_results(
     members: np.ndarray | None = None,
     front: np.ndarray | None = None,
 ) -> None:
-    """Write study.h5, whole or not at all; identical results give identical bytes."""
-    import h5py
-
-    part = path.with_name(path.name + ".part")
-    text = h5py.string_dtype("utf-8")
-    try:
-        with h5py.File(part, "w", track_order=True) as file:
-            file.attrs["filetype"] = FILETYPE
-            file.attrs["version"] = np.array(VERSION, dtype=np.int64)
-            for key, value in attributes.items():
-                file.attrs[key] = value
-            variables = file.create_group("variables")
-            variables.create_dataset("name", data=np.array(list(names), dtype=object), dtype=text)
-            variables.create_dataset("lower", data=np.asarray(lower, dtype=float))
-            variables.create_dataset("upper", data=np.asarray(upper, dtype=float))
-            group = file.create_group("evaluations", track_order=True)
-            for key, data in columns.items():
-                group.create_dataset(key, data=data, dtype=text if data.dtype == object else data.dtype)
-            group["objectives"].attrs["names"] = np.array(list(objective_names), dtype=object)
-            if members is not None and front is not None:
-                population = file.create_group("population")
-                population.create_dataset("members", data=np.asarray(members, dtype=np.int64))
-                population.create_dataset("front", data=np.asarray(front, dtype=np.int64))
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot write the results ({error.strerror or error}); check space and permissions") from None
+    """Write study.h5 in one go; parameters as `ResultsWriter`, `columns_of` and the format page."""
+    with ResultsWriter(path, attributes, names, lower, upper, objective_names) as writer:
+        writer.append(columns)
+        if members is not None and front is not None:
+            writer.population(members, front)
 
 
 def read_results(path: Path) -> StudyResults:
