@@ -1,0 +1,86 @@
+"""Heave and coning of a rotorcraft in hover: blade pitch to vertical acceleration.
+
+The two equations of Zanoni and Muscarello, "Moving towards a-priori identification of undesirable pilot biometrics for
+collective bounce instability", eq. (32), in q = [z, beta] (z up, beta the coning angle) and the blade pitch theta:
+
+    M q'' + D q' + K q = F theta
+    M = [ m       n_b S_b ]   D = n_b gamma Omega I_b [ 1/(4 R^2)  1/(6 R) ]   K = [ 0  0                          ]
+        [ n_b S_b n_b I_b ]                           [ 1/(6 R)    1/8     ]       [ 0  n_b I_b nu_b^2 Omega^2 ]
+    F = n_b gamma Omega^2 I_b [ 1/(6 R), 1/8 ]
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from pilotgen.rotorcraft import Rotorcraft
+from pilotgen.statespace import ComplexArray, FloatArray, StateSpaceModel
+
+
+@dataclass(frozen=True, eq=False)
+class HeaveModel:
+    """Vertical motion and coning of one rotorcraft: theta [rad] -> zddot [m/s^2]."""
+
+    rotorcraft: Rotorcraft
+
+    @cached_property
+    def _equations(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """M, D, K (2, 2) and F (2) of the module docstring, SI units."""
+        r = self.rotorcraft
+        omega = 2.0 * math.pi * r.rotor_speed_hz
+        R, I_b, n_b = r.rotor_radius_m, r.flap_inertia_kg_m2, float(r.blades)
+        coupling = n_b * r.flap_static_moment_kg_m
+        M = np.array([[r.mass_kg, coupling], [coupling, n_b * I_b]])
+        aero = n_b * r.lock_number * omega * I_b
+        D = aero * np.array([[1.0 / (4.0 * R**2), 1.0 / (6.0 * R)], [1.0 / (6.0 * R), 1.0 / 8.0]])
+        K = np.array([[0.0, 0.0], [0.0, n_b * I_b * (r.flap_frequency_ratio * omega) ** 2]])
+        F = aero * omega * np.array([1.0 / (6.0 * R), 1.0 / 8.0])
+        return M, D, K, F
+
+    @cached_property
+    def state_space(self) -> StateSpaceModel:
+        """States [zdot, beta, betadot]; input theta [rad]; output zddot [m/s^2]."""
+        M, D, K, F = self._equations
+        Mi = np.linalg.inv(M)
+        MD, MK, MF = Mi @ D, Mi @ K, Mi @ F
+        A = np.array(
+            [
+                [-MD[0, 0], -MK[0, 1], -MD[0, 1]],
+                [0.0, 0.0, 1.0],
+                [-MD[1, 0], -MK[1, 1], -MD[1, 1]],
+            ]
+        )
+        return StateSpaceModel(A, np.array([MF[0], 0.0, MF[1]]), A[0].copy(), float(MF[0]))
+
+    @cached_property
+    def poles(self) -> ComplexArray:
+        """Poles of zddot/theta [rad/s]; the paper lists one more at 0 for the height z itself."""
+        return self.state_space.poles
+
+    @cached_property
+    def transfer_function(self) -> tuple[FloatArray, FloatArray]:
+        """Numerator and denominator of H = zddot/theta, falling powers of s, denominator monic.
+
+        Cramer's rule on (M s^2 + D s + K) q = F theta, with one power of s cancelled: the height itself does not
+        enter the equations.
+        """
+        M, D, K, F = self._equations
+        # Row z is divided by s: [M s + D] q_z-column; polynomials in falling powers of s.
+        heave = np.array([M[0, 0], D[0, 0]])
+        cross = np.array([M[0, 1], D[0, 1]])
+        coning = np.array([M[1, 1], D[1, 1], K[1, 1]])
+        denominator = np.polysub(np.polymul(heave, coning), np.polymul(np.polymul(cross, cross), [1.0, 0.0]))
+        zdot = np.polysub(F[0] * coning, np.polymul(F[1] * cross, [1.0, 0.0]))
+        numerator = np.polymul(zdot, [1.0, 0.0])
+        return numerator / denominator[0], denominator / denominator[0]
+
+    def response(self, omega: npt.ArrayLike) -> ComplexArray:
+        """H(j omega) in m/s^2 per rad, omega in rad/s, any shape."""
+        return self.state_space.response(omega)
