@@ -5,8 +5,11 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <string>
@@ -38,6 +41,17 @@ constexpr const char* kFooter =
     "  mbdae pilot.mbd --integrate --final-time 2 --channels lever.gz,hand_l.y -o results/pilot\n"
     "  mbdae --serve                             one JSON request per line: docs/io_formats/serve.md";
 
+/// CLI11's own check for a positive number prints the largest double with all its digits.
+const CLI::Validator kPositive(
+    [](std::string& text) {
+      char* end = nullptr;
+      const double value = std::strtod(text.c_str(), &end);
+      return end == text.c_str() || !(value > 0.0) || std::isinf(value)
+                 ? "must be a number greater than zero, not " + text
+                 : std::string();
+    },
+    "> 0");
+
 struct Arguments {
   std::string deck, prefix;
   bool check = false, integrate = false, serve = false, json = false, quiet = false;
@@ -59,7 +73,7 @@ void declare(CLI::App& app, Arguments& arguments) {
 
   const std::string linearisation = "linearisation";
   app.add_option("-c,--coefficient", options.c, "coefficient c of J(c), J(-c) instead of the deck's [s]")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->group(linearisation);
   app.add_option("--state", options.state, "matrices file whose momenta and reactions (dataset y) are imposed")
       ->type_name("FILE")
@@ -67,10 +81,10 @@ void declare(CLI::App& app, Arguments& arguments) {
 
   const std::string equilibrium = "static equilibrium";
   app.add_option("--tolerance", options.tolerance, "2-norm of the scaled residual to reach")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->group(equilibrium);
   app.add_option("--max-iterations", options.max_iterations, "Newton iterations allowed")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->group(equilibrium);
 
   const std::string integration = "time integration";
@@ -82,18 +96,14 @@ void declare(CLI::App& app, Arguments& arguments) {
       ->check(CLI::IsMember({"ida", "ms"}))
       ->group(integration);
   app.add_option("--rtol", options.rtol, "relative tolerance of ida; default 1e-8")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->group(integration);
   app.add_option("--atol", options.atol, "absolute tolerance of ida; default 1e-10")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->group(integration);
   app.add_option("--final-time", options.final_time, "instead of the deck's [s]")->group(integration);
-  app.add_option("--time-step", options.time_step, "instead of the deck's [s]")
-      ->check(CLI::PositiveNumber)
-      ->group(integration);
-  app.add_option("--every", options.every, "time steps between rows; default 1")
-      ->check(CLI::PositiveNumber)
-      ->group(integration);
+  app.add_option("--time-step", options.time_step, "instead of the deck's [s]")->check(kPositive)->group(integration);
+  app.add_option("--every", options.every, "time steps between rows; default 1")->check(kPositive)->group(integration);
   app.add_option("--channels", options.channels, "channels to write, separated by commas; default all")
       ->delimiter(',')
       ->group(integration);
@@ -102,7 +112,7 @@ void declare(CLI::App& app, Arguments& arguments) {
   serve->group("serve mode");
   app.add_option("--exit-with-parent", arguments.parent, "with --serve: end when process PID is no longer the parent")
       ->type_name("PID")
-      ->check(CLI::PositiveNumber)
+      ->check(kPositive)
       ->needs(serve)
       ->group("serve mode");
 }

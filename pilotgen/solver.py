@@ -1,0 +1,508 @@
+"""Find, start, ask and restart the solver `mbdae`, or run an installed MBDyn on the same deck.
+
+Protocol: docs/io_formats/serve.md. One `SolverClient` keeps one `mbdae --serve` alive between pilots. When that process
+dies, hangs or answers nonsense, the request at hand fails with a SolverError that says so; the next one gets a new process.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import weakref
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pilotgen.errors import FileError, SolverError
+
+DEFAULT_TIMEOUT_S = 30.0
+"""Time limit of one request [s]; a pilot's deck takes some milliseconds."""
+
+_LONGEST_REPLY_BYTES = 256 << 20
+_STATUSES = frozenset({"ok", "deck_error", "not_converged", "io_error", "bad_request", "internal_error"})
+
+
+# ---- finding -----------------------------------------------------------------------------------------------------
+
+
+def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
+    """Return the path of the solver's executable.
+
+    Looked for in this order: `option`, the environment variable PILOTGEN_MBDAE, the installed package, PATH. Something
+    named by the first two must be there: it is an error, not a reason to look on.
+    """
+    for source, given in (("--solver-path", option), ("PILOTGEN_MBDAE", os.environ.get("PILOTGEN_MBDAE"))):
+        if given:
+            return _require_executable(Path(given), source)
+    packaged = resources.files("pilotgen").joinpath("bin", "mbdae")
+    with resources.as_file(packaged) as path:
+        if path.is_file() and os.access(path, os.X_OK):
+            return path
+    on_path = shutil.which("mbdae")
+    if on_path is not None:
+        return Path(on_path)
+    raise FileError(
+        "the solver 'mbdae' is not installed: not in the pilotgen package, not on PATH, and PILOTGEN_MBDAE is not set. "
+        "Build it with 'make install' in the source tree (or 'pip install .'), "
+        "or set PILOTGEN_MBDAE to the path of an mbdae executable"
+    )
+
+
+def find_mbdyn(option: str | os.PathLike[str] | None = None) -> Path:
+    """Return the path of MBDyn's executable: `option`, the environment variable PILOTGEN_MBDYN, or PATH."""
+    for source, given in (("--mbdyn-path", option), ("PILOTGEN_MBDYN", os.environ.get("PILOTGEN_MBDYN"))):
+        if given:
+            return _require_executable(Path(given), source)
+    on_path = shutil.which("mbdyn")
+    if on_path is not None:
+        return Path(on_path)
+    raise FileError(
+        "MBDyn is not installed: no 'mbdyn' on PATH and PILOTGEN_MBDYN is not set. "
+        "Install MBDyn with module-muscles, or use the solver that comes with pilotgen (--solver mbdae)"
+    )
+
+
+def _require_executable(path: Path, source: str) -> Path:
+    if not path.exists():
+        raise FileError(f"{source}: '{path}' does not exist; the path of a solver executable was expected")
+    if not path.is_file() or not os.access(path, os.X_OK):
+        raise FileError(f"{source}: '{path}' is not an executable file; the path of a solver executable was expected")
+    return path
+
+
+# ---- mbdae -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One message about a deck: file, line and column from 1 (0 = the file as a whole)."""
+
+    file: str
+    line: int
+    column: int
+    severity: str
+    message: str
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}:{self.column}" if self.line > 0 else self.file
+        return f"{place}: {self.severity}: {self.message}"
+
+
+@dataclass(frozen=True)
+class NodePose:
+    """Where a node is: `position` (3,) [m] and `orientation` (3, 3) whose columns are the node's axes, both global."""
+
+    position: NDArray[np.float64]
+    orientation: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SolverReply:
+    """The solver's answer; fields as in docs/io_formats/serve.md.
+
+    `residual_norm` is in N and N m, `seconds` wall clock inside the solver, `nodes` in deck order by name.
+    """
+
+    status: str
+    exit_code: int
+    message: str
+    diagnostics: tuple[Diagnostic, ...]
+    analysis: str
+    iterations: int
+    residual_norm: float
+    seconds: float
+    counts: dict[str, int]
+    nodes: dict[str, NodePose]
+    output: Path | None
+
+
+class SolverClient:
+    """A long-lived `mbdae --serve`, started at the first request.
+
+    Use as a context manager, or call `close`. The process also ends when this object is collected, when Python exits
+    and when Python dies. A client that crossed a fork starts a process of its own in the child.
+
+    Parameters
+    ----------
+    executable : path of `mbdae`; None = `find_mbdae`
+    timeout_s : time limit of one request unless the request says otherwise [s]
+    """
+
+    def __init__(self, executable: str | os.PathLike[str] | None = None, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+        self.executable = find_mbdae(executable)
+        self.timeout_s = timeout_s
+        self._running: _Running | None = None
+        self._next_id = 1
+
+    def __enter__(self) -> SolverClient:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the solver process, if any. The client can be used again: the next request starts another one."""
+        if self._running is not None:
+            self._running.end()
+            self._running = None
+
+    @property
+    def pid(self) -> int | None:
+        """Process id of the solver at work, None when there is none."""
+        return self._running.process.pid if self._running is not None else None
+
+    def request(
+        self,
+        task: str,
+        *,
+        deck_text: str | None = None,
+        name: str | os.PathLike[str] = "deck.mbd",
+        output: str | os.PathLike[str] | None = None,
+        timeout_s: float | None = None,
+        check: bool = True,
+        **options: Any,
+    ) -> SolverReply:
+        """Have `task` done on one deck and return the reply.
+
+        Parameters
+        ----------
+        task : "check", "static", "linearise", "integrate" or "version"
+        deck_text : the deck; None = read the file `name`
+        name : the deck's path, or with `deck_text` what messages call it
+        output : file to write; None = write nothing
+        timeout_s : time limit [s]; None = the client's
+        check : raise SolverError when the status is not "ok"; otherwise return that reply
+        options : as the solver's command line options, e.g. `c=0.005`, `rtol=1e-9`
+
+        Raises
+        ------
+        SolverError
+            stage "solver": the solver refused the deck, did not converge, died, took too long or broke the protocol.
+        """
+        running = self._alive()
+        request_id = self._next_id
+        self._next_id += 1
+        request: dict[str, Any] = {"id": request_id, "task": task, "deck": os.fspath(name)}
+        if deck_text is not None:
+            request["text"] = deck_text
+        if output is not None:
+            request["output"] = os.fspath(output)
+        if options:
+            request["options"] = options
+        line = json.dumps(request).encode() + b"\n"
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        try:
+            answer = running.exchange(line, limit_s)
+            reply = _read_reply(answer, request_id)
+        except _Lost as lost:
+            reason = self._describe_end(running, lost, os.fspath(name), limit_s)
+            raise SolverError("solver", reason) from None
+        except BaseException:
+            # Interrupted between request and reply: whatever comes next would answer the wrong question.
+            self.close()
+            raise
+        if check and reply.status != "ok":
+            raise SolverError("solver", reply.message or f"mbdae answered '{reply.status}' on {os.fspath(name)}")
+        return reply
+
+    def _alive(self) -> _Running:
+        running = self._running
+        if running is not None and running.owner_pid != os.getpid():
+            running.forget()  # the parent's process, not ours
+            running = None
+        if running is not None and running.process.poll() is not None:
+            running.end()
+            running = None
+        if running is None:
+            running = _Running(self.executable)
+        self._running = running
+        return running
+
+    def _describe_end(self, running: _Running, lost: _Lost, name: str, limit_s: float) -> str:
+        """End a process that failed and say in one sentence what it did."""
+        self._running = None
+        if lost.timed_out:
+            running.end()
+            return f"mbdae did not answer on {name} within {limit_s:g} s and was stopped"
+        if lost.nonsense:
+            running.end()
+            return f"mbdae broke the protocol on {name}: {lost.nonsense}"
+        code = running.wait_for_end()
+        words = running.last_words()
+        running.end()
+        if code is not None and code < 0:
+            how = f"died with signal {_signal_name(-code)}"
+        else:
+            how = f"ended with exit code {code}" if code is not None else "closed its output"
+        return f"mbdae {how} on {name}" + (f"; its last words: {words}" if words else "")
+
+
+class _Lost(Exception):
+    """The exchange failed: timed out, or the process ended, or its answer is no reply."""
+
+    def __init__(self, timed_out: bool = False, nonsense: str = "") -> None:
+        super().__init__(nonsense)
+        self.timed_out = timed_out
+        self.nonsense = nonsense
+
+
+class _Running:
+    """One solver process and its pipes."""
+
+    def __init__(self, executable: Path) -> None:
+        self.owner_pid = os.getpid()
+        self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        command = [str(executable), "--serve", "--exit-with-parent", str(self.owner_pid)]
+        try:
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._stderr, bufsize=0
+            )
+        except OSError as error:
+            self._stderr.close()
+            raise FileError(f"cannot start the solver '{executable}': {error.strerror}") from error
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self._in, self._out = self.process.stdin.fileno(), self.process.stdout.fileno()
+        os.set_blocking(self._in, False)
+        os.set_blocking(self._out, False)
+        self._finalizer = weakref.finalize(self, _end_process, self.process, self.owner_pid)
+
+    def exchange(self, line: bytes, limit_s: float) -> bytes:
+        """Send one line, receive one line; never longer than `limit_s`."""
+        deadline = time.monotonic() + limit_s
+        poll = select.poll()
+        poll.register(self._out, select.POLLIN)
+        poll.register(self._in, select.POLLOUT)
+        to_send = memoryview(line)
+        received: list[bytes] = []
+        size = 0
+        while True:
+            remaining = deadline - time.monotonic()
+            if remaining <= 0.0:
+                raise _Lost(timed_out=True)
+            for fd, _event in poll.poll(1000.0 * remaining):
+                if fd == self._in:
+                    try:
+                        to_send = to_send[os.write(self._in, to_send[:65536]) :]
+                    except BlockingIOError:
+                        continue
+                    except OSError:  # nobody reads any more; what is left to read tells why
+                        to_send = to_send[:0]
+                    if not to_send:
+                        poll.unregister(self._in)
+                else:
+                    try:
+                        chunk = os.read(self._out, 1 << 20)
+                    except BlockingIOError:
+                        continue
+                    if not chunk:
+                        raise _Lost
+                    received.append(chunk)
+                    size += len(chunk)
+                    if b"\n" in chunk:
+                        return self._one_line(b"".join(received), sent_all=not to_send)
+                    if size > _LONGEST_REPLY_BYTES:
+                        raise _Lost(nonsense="a reply without end")
+
+    @staticmethod
+    def _one_line(received: bytes, sent_all: bool) -> bytes:
+        line, _, rest = received.partition(b"\n")
+        if rest:
+            raise _Lost(nonsense=f"more than one line in reply to one request: {_excerpt(rest)}")
+        if not sent_all:
+            raise _Lost(nonsense=f"a reply before the request was complete: {_excerpt(line)}")
+        return line
+
+    def wait_for_end(self) -> int | None:
+        """Exit code (negative: signal) of a process that closed its output; None if it lives on."""
+        try:
+            return self.process.wait(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def last_words(self) -> str:
+        """The last line on standard error, shortened."""
+        self._stderr.seek(0, os.SEEK_END)
+        self._stderr.seek(max(0, self._stderr.tell() - 4096))
+        lines = self._stderr.read().decode(errors="replace").strip().splitlines()
+        return lines[-1][:300] if lines else ""
+
+    def end(self) -> None:
+        self._finalizer()
+        self._stderr.close()
+
+    def forget(self) -> None:
+        """Let go of a process that belongs to the parent of this one."""
+        self._finalizer.detach()
+        for stream in (self.process.stdin, self.process.stdout, self._stderr):
+            if stream is not None:
+                stream.close()
+        self.process.returncode = 0  # not our child: nothing to wait for
+
+
+def _end_process(process: subprocess.Popen[bytes], owner_pid: int) -> None:
+    """End of input ends an idle solver; one that is busy is killed: nobody wants its result."""
+    if owner_pid != os.getpid():
+        return
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            stream.close()
+    try:
+        process.wait(timeout=0.2)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return str(number)
+
+
+def _excerpt(data: bytes) -> str:
+    return repr(data[:80].decode(errors="replace"))
+
+
+def _read_reply(line: bytes, request_id: int) -> SolverReply:
+    """Check and convert one reply line; raises _Lost when it is not what the protocol promises."""
+    try:
+        data = json.loads(line)
+    except ValueError:
+        raise _Lost(nonsense=f"not JSON: {_excerpt(line)}") from None
+    if not isinstance(data, dict):
+        raise _Lost(nonsense=f"not an object: {_excerpt(line)}")
+    if data.get("id") != request_id:
+        raise _Lost(nonsense=f"reply to request {data.get('id')!r} where {request_id} was asked")
+    if data.get("status") not in _STATUSES:
+        raise _Lost(nonsense=f"unknown status {data.get('status')!r}")
+    try:
+        output = str(data["output"])
+        norm = data["residual_norm"]
+        return SolverReply(
+            status=str(data["status"]),
+            exit_code=int(data["exit_code"]),
+            message=str(data["message"]),
+            diagnostics=tuple(
+                Diagnostic(
+                    str(item["file"]),
+                    int(item["line"]),
+                    int(item["column"]),
+                    str(item["severity"]),
+                    str(item["message"]),
+                )
+                for item in data["diagnostics"]
+            ),
+            analysis=str(data["analysis"]),
+            iterations=int(data["iterations"]),
+            residual_norm=float("nan") if norm is None else float(norm),
+            seconds=float(data["seconds"]),
+            counts={str(key): int(value) for key, value in data["counts"].items()},
+            nodes={str(item["name"]): _read_pose(item) for item in data["nodes"]},
+            output=Path(output) if output else None,
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _Lost(nonsense=f"a reply with a missing or wrong value ({type(error).__name__}: {error})") from None
+
+
+def _read_pose(item: dict[str, Any]) -> NodePose:
+    position = np.array(item["position"], dtype=np.float64)
+    orientation = np.array(item["orientation"], dtype=np.float64)
+    if position.shape != (3,) or orientation.shape != (3, 3):
+        raise ValueError(f"pose of node {item['name']!r} has the wrong shape")
+    if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
+        raise ValueError(f"pose of node {item['name']!r} is not finite")
+    return NodePose(position, orientation)
+
+
+# ---- MBDyn -------------------------------------------------------------------------------------------------------
+
+
+def run_mbdyn(
+    deck_path: str | os.PathLike[str],
+    workdir: str | os.PathLike[str],
+    executable: str | os.PathLike[str] | None = None,
+    timeout_s: float = 120.0,
+) -> Path:
+    """Run MBDyn on a deck and return its result file: NetCDF `PREFIX.nc`, else the eigenanalysis text `PREFIX_00.m`.
+
+    Parameters
+    ----------
+    deck_path : the deck
+    workdir : directory for MBDyn's output, made if it is missing; the prefix is the deck's name without extension
+    executable : path of `mbdyn`; None = `find_mbdyn`
+    timeout_s : time limit [s]
+
+    Raises
+    ------
+    FileError
+        no MBDyn, no deck, or an unusable directory
+    SolverError
+        stage "solver": MBDyn refused the deck, died, took too long or left no result.
+    """
+    mbdyn = find_mbdyn(executable)
+    deck = Path(deck_path).resolve()
+    if not deck.is_file():
+        raise FileError(f"cannot read the deck '{deck_path}': no such file")
+    directory = Path(workdir)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot use '{workdir}' for MBDyn's output: {error.strerror}") from error
+    prefix = directory.resolve() / deck.stem
+    candidates = (prefix.with_name(f"{deck.stem}.nc"), prefix.with_name(f"{deck.stem}_00.m"))
+    for stale in candidates:
+        stale.unlink(missing_ok=True)  # of an earlier run: must not pass for the result of this one
+    try:
+        done = subprocess.run(
+            [str(mbdyn), "-f", str(deck), "-o", str(prefix)],
+            cwd=directory,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=timeout_s,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise SolverError(
+            "solver", f"mbdyn did not finish {deck.name} within {timeout_s:g} s and was stopped"
+        ) from None
+    except OSError as error:
+        raise FileError(f"cannot start '{mbdyn}': {error.strerror}") from error
+    text = done.stdout.decode(errors="replace")
+    (directory / f"{deck.stem}.log.txt").write_text(text)
+    if done.returncode < 0:
+        raise SolverError("solver", f"mbdyn died with signal {_signal_name(-done.returncode)} on {deck.name}")
+    if done.returncode != 0:
+        words = _mbdyn_words(text)
+        raise SolverError("solver", f"mbdyn ended with exit code {done.returncode} on {deck.name}: {words}")
+    for result in candidates:
+        if result.is_file():
+            return result
+    raise SolverError(
+        "solver",
+        f"mbdyn finished {deck.name} but left neither {candidates[0].name} nor {candidates[1].name}; "
+        "the deck needs an eigenanalysis card with 'output matrices' (and 'output results: netcdf' for .nc)",
+    )
+
+
+def _mbdyn_words(text: str) -> str:
+    """The line of MBDyn's output that says most about a failure: the last one with `error`, else the last one."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    errors = [line for line in lines if "error" in line.lower()]
+    return (errors or lines or ["no message"])[-1][:300]
