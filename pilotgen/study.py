@@ -13,14 +13,12 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.fields import Choice, Field, Name, Number, Value, Whole, check_keys, did_you_mean, read_fields, shown
+from pilotgen.rotorcraft import Rotorcraft, load_rotorcraft
 from pilotgen.yamlfile import KeyPath, YamlDocument, plain_scalar, read_yaml, yaml_from_text
-
-if TYPE_CHECKING:
-    from pilotgen.rotorcraft import Rotorcraft
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What a study may vary. The limits are sanity limits: beyond them a value is a slip (of units, mostly), not a pilot.
@@ -181,10 +179,10 @@ class Study:
         Two studies with the same text here give the same result for the same values; search settings, nominal values,
         comments and the study's name are not part of it.
         """
-        pilot = dataclasses.asdict(self.pilot)
+        pilot, rotorcraft = dataclasses.asdict(self.pilot), dataclasses.asdict(self.rotorcraft)
         content: dict[str, Any] = {
             "inceptor": dataclasses.asdict(self.inceptor),
-            "rotorcraft": dataclasses.asdict(self.rotorcraft),
+            "rotorcraft": {key: value for key, value in rotorcraft.items() if key not in ("name", "source")},
         }
         if self.pilot.model == "mayo":
             content["pilot"] = {key: pilot[key] for key in COMMON_PILOT_FIELDS}
@@ -251,8 +249,6 @@ def _study(document: YamlDocument) -> Study:
 
 
 def _rotorcraft(value: Value) -> Rotorcraft:
-    from pilotgen.rotorcraft import load_rotorcraft
-
     if not isinstance(value.data, str | dict):
         raise value.error("must be the name of a bundled rotorcraft, or a mapping with the symbols of its heave model")
     try:
@@ -292,7 +288,7 @@ def _cockpit(value: Value | None) -> str | dict[str, Any] | None:
 def _nominal(value: Value, model: str) -> dict[str, float]:
     if model == "mayo" and isinstance(value.data, str):
         if value.data not in MAYO_PRESETS:
-            raise value.error(f"is no pilot that Mayo measured; {_choose(value.data, MAYO_PRESETS)}")
+            raise value.error(f"is no pilot that Mayo measured; choose one of: {', '.join(MAYO_PRESETS)}")
         return dict(MAYO_PRESETS[value.data])
     names = _pilot_variables(value, model)
     return {name: VARIABLES[name].read(value.child(name)) for name in names}
@@ -361,8 +357,5 @@ def _words(value: Value, choices: Sequence[str]) -> tuple[str, ...]:
 
 
 def _unknown(name: str, known: Sequence[str]) -> str:
-    return f"{shown(name)} is not a variable of this pilot model; {_choose(name, known)}"
-
-
-def _choose(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
-    return f"{did_you_mean(name, tuple(known))}choose one of: {', '.join(known)}"
+    guess = did_you_mean(name, known)
+    return f"{shown(name)} is not a variable of this pilot model; {guess}choose one of: {', '.join(known)}"

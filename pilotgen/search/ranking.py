@@ -44,7 +44,8 @@ def non_dominated_rank(F: np.ndarray) -> np.ndarray:
 
 def _peel_two(points: np.ndarray) -> np.ndarray:
     # Distinct points come sorted by the first objective, then the second. A point is dominated by a member of a front
-    # exactly if the front's smallest second objective so far is not above its own; those minima rise from front to front.
+    # exactly if the front's smallest second objective so far is not above its own; these minima rise from front to
+    # front.
     lowest: list[float] = []
     rank = np.empty(len(points), dtype=np.int64)
     for k, second in enumerate(points[:, 1].tolist()):
