@@ -32,12 +32,23 @@ class EvaluationError(PilotgenError):
         self.stage = stage
         self.reason = reason
 
-    def __reduce__(self) -> tuple[type["EvaluationError"], tuple[str, str]]:
+    def __reduce__(self) -> tuple[type["EvaluationError"], tuple[str | bool, ...]]:
         return (type(self), (self.stage, self.reason))
 
 
 class SolverError(EvaluationError):
-    """The solver refused a deck, did not converge, died or took too long."""
+    """The solver refused a deck, did not converge, died or took too long.
+
+    `died` is true when the process ended without an answer: it may have been killed from outside, and asking again a
+    new one is reasonable.
+    """
+
+    def __init__(self, stage: str, reason: str, died: bool = False) -> None:
+        super().__init__(stage, reason)
+        self.died = died
+
+    def __reduce__(self) -> tuple[type["SolverError"], tuple[str | bool, ...]]:
+        return (type(self), (self.stage, self.reason, self.died))
 
 
 class MatrixError(PilotgenError):

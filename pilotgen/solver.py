@@ -210,8 +210,8 @@ class SolverClient:
             answer = running.exchange(line, limit_s)
             reply = _read_reply(answer, request_id)
         except _Lost as lost:
-            reason = self._describe_end(running, lost, os.fspath(name), limit_s)
-            raise SolverError("solver", reason) from None
+            died = not (lost.timed_out or lost.nonsense)
+            raise SolverError("solver", self._describe_end(running, lost, os.fspath(name), limit_s), died) from None
         except BaseException:
             # Interrupted between request and reply: whatever comes next would answer the wrong question.
             self.close()
@@ -219,6 +219,10 @@ class SolverClient:
         if check and reply.status != "ok":
             raise SolverError("solver", reply.message or f"mbdae answered '{reply.status}' on {os.fspath(name)}")
         return reply
+
+    def version(self) -> str:
+        """Name and version of the solver, e.g. "mbdae 1.0.0"."""
+        return self.request("version").message
 
     def _alive(self) -> _Running:
         running = self._running
