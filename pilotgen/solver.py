@@ -1,7 +1,8 @@
 """Find, start, ask and restart the solver `mbdae`, or run an installed MBDyn on the same deck.
 
 Protocol: docs/io_formats/serve.md. One `SolverClient` keeps one `mbdae --serve` alive between pilots. When that process
-dies, hangs or answers nonsense, the request at hand fails with a SolverError that says so; the next one gets a new process.
+dies, hangs or answers nonsense, the request at hand fails with a SolverError that says so, and the next one gets a new
+process.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

@@ -1,0 +1,39 @@
+"""What tests share: the solver's path and reference data.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+# One thread for numerical libraries, as in the program's workers; must be said before they are imported.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+# Figures go to files.
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import pytest  # noqa: E402
+
+from pilotgen.solver import SolverClient, find_mbdae  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def mbdae() -> Path:
+    """Path of the solver. Tests that need it fail without it: they do not skip."""
+    return find_mbdae()
+
+
+@pytest.fixture(scope="session")
+def solver(mbdae: Path) -> Iterator[SolverClient]:
+    """A running solver, one for the session."""
+    with SolverClient(mbdae) as client:
+        yield client
+
+
+@pytest.fixture(scope="session")
+def data_directory() -> Path:
+    """tests/data: reference results with their sources."""
+    return Path(__file__).parent / "data"
