@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +17,9 @@ from pilotgen import body as body_module
 from pilotgen.biometrics import Biometrics
 from pilotgen.body import Limb, make_body
 
-# Moment arms [mm] of the straight bundles at the reference posture, as the fit that made them wrote them (one decimal; its
-# own program, bones and 13.7 deg of carrying angle). Shoulder flexion and abduction about the torso's axes, rotation about
-# the humerus; positive is the motion named.
+# Moment arms [mm] of the straight bundles at the reference posture, as the fit that made them wrote them (one decimal;
+# its own program, bones and 13.7 deg of carrying angle). Shoulder flexion and abduction about the torso axes, rotation
+# about the humerus; positive is the motion named.
 MOMENT_ARMS_MM: dict[str, dict[str, float]] = {
     "DELT1": {"shoulder_flexion": 36.1, "shoulder_abduction": -16.9, "shoulder_rotation": 5.3},
     "DELT2": {"shoulder_flexion": 30.5, "shoulder_abduction": 27.4, "shoulder_rotation": 12.4},
@@ -222,6 +223,39 @@ def test_l0_of_the_reference_subject_is_the_source_s() -> None:
     assert [m.l0_m for m in limb.muscles] == pytest.approx(source, rel=1e-12)
     triceps = next(m for m in limb.muscles if m.name == "TRIlong")
     assert triceps.l0_m == pytest.approx(0.2636, abs=2e-4)
+
+
+# ---- the theory page
+
+THEORY = Path(__file__).parents[2] / "docs" / "theory" / "pilot.md"
+
+
+def test_two_pilots_of_the_theory_page() -> None:
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in THEORY.read_text().splitlines() if "|" in line]
+    bodies = {
+        "man": make_body(Biometrics(35.0, 1.76, 78.0, "male"), ("right",)),
+        "woman": make_body(Biometrics(35.0, 1.63, 65.0, "female"), ("right",)),
+    }
+    segments = 0
+    for row in rows:
+        if row[0] not in bodies:
+            continue
+        segments += 1
+        segment = bodies[row[0]].limbs["right"].segments[row[1]]
+        inertia = 1e6 * np.diag(segment.inertia_kg_m2)
+        printed = [float(cell) for cell in row[2:]]
+        assert printed[:3] == pytest.approx(
+            [1e3 * segment.length_m, segment.mass_kg, -1e3 * segment.com_m[1]], abs=0.051, rel=0.0
+        )
+        assert printed[1] == pytest.approx(segment.mass_kg, abs=5.1e-4)
+        assert printed[3:] == pytest.approx(inertia, abs=0.51)
+    assert segments == 8
+    by_name = {row[0]: row for row in rows}
+    muscles = zip(*(body.limbs["right"].muscles for body in bodies.values()), strict=True)
+    for man, woman in muscles:
+        printed = [float(cell) for cell in by_name[man.name][3:]]
+        assert printed[0::2] == pytest.approx([man.F0_N, woman.F0_N], abs=0.51)
+        assert printed[1::2] == pytest.approx([1e3 * man.l0_m, 1e3 * woman.l0_m], abs=0.051)
 
 
 # ---- people
