@@ -28,9 +28,13 @@ _MAX_SPLITS = 16  # halvings; a touch that is undecided after so many is closer 
 _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| below this, is a touch
 _AXIS = 1e-10  # a pole this close to the imaginary axis, relative to its modulus, is on it
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
-_VANISHING = 1e-10  # a moment below this fraction of its terms is zero
+_VANISHING = 1e-12  # a moment below this fraction of what its terms' moduli could give is zero
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
 _MAX_NEWTON = 100
+_SMALL = 16  # states up to which inverting the n x n matrices in a batch beats substitution
+
+_GUESS_POINTS = 33
+_GUESS_BASES: dict[int, FloatArray] = {}
 
 # |P|^2 of a cubic with Bernstein coefficients p has the degree-6 coefficients sum_ij SQUARE[i, j, k] p_i conj(p_j).
 _SQUARE = np.zeros((4, 4, 7))
@@ -67,7 +71,6 @@ class _Locus:
     def __init__(self, model: StateSpaceModel) -> None:
         form = model.schur
         self.T, self.b, self.c, self.D = form.T, form.b, form.c, model.D
-        self.diagonal = np.diagonal(form.T)[:, None]
         self.n = model.n_states
 
     def first(self, x: FloatArray, tail: BoolArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
@@ -85,24 +88,40 @@ class _Locus:
         self, x: FloatArray, tail: BoolArray, twice: bool
     ) -> tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]:
         p, q = np.where(tail, 1.0, x), np.where(tail, x, 1.0)
-        T, b, c, n = self.T, self.b, self.c, self.n
-        R = 1.0 / (1j * p - q * self.diagonal)
-        X = np.empty((n, x.size), dtype=complex)  # (jp - qT)^-1 b
-        Y = np.empty((n, x.size), dtype=complex)  # c (jp - qT)^-1
-        for k in range(n - 1, -1, -1):
-            X[k] = (b[k] + q * (T[k, k + 1 :] @ X[k + 1 :])) * R[k]
-        for k in range(n):
-            Y[k] = (c[k] + q * (T[:k, k] @ Y[:k])) * R[k]
-        terms = c[:, None] * X * q
-        slope = np.where(tail, 1j, -1j) * (X * Y).sum(axis=0)
+        n = self.n
+        if n <= _SMALL:
+            # X = (jp - qT)^-1 b, Y = c (jp - qT)^-1, Z = (jp - qT)^-1 X
+            R = np.linalg.inv((1j * p)[:, None, None] * np.eye(n) - q[:, None, None] * self.T)
+            X, Y = R @ self.b, self.c @ R
+            Z = (R @ X[:, :, None])[:, :, 0] if twice else X
+        else:
+            X, Y, Z = self._substitute(p, q, twice)
+        terms = self.c * X * q[:, None]
+        slope = np.where(tail, 1j, -1j) * (X * Y).sum(axis=1)
         curvature = slope
         if twice:
             # d2L/domega2 = -2 c R^3 b; d2L/dt2 = 2j c R^3 T b
-            Z = np.where(tail, T @ X, X)
+            curvature = -2.0 * (Y * Z).sum(axis=1)
+            if tail.any():
+                curvature = np.where(tail, 2j * (Y * (Z @ self.T.T)).sum(axis=1), curvature)
+        return self.D + terms.sum(axis=1), slope, abs(self.D) + np.abs(terms).sum(axis=1), curvature
+
+    def _substitute(self, p: FloatArray, q: FloatArray, twice: bool) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """The same three by substitution in T, all points at once: work n^2 a point."""
+        T, n = self.T, self.n
+        pivot = 1.0 / (1j * p - q * np.diagonal(T)[:, None])
+
+        def back(right: ComplexArray) -> ComplexArray:
+            out = np.empty((n, p.size), dtype=complex)
             for k in range(n - 1, -1, -1):
-                Z[k] = (Z[k] + q * (T[k, k + 1 :] @ Z[k + 1 :])) * R[k]
-            curvature = np.where(tail, 2j, -2.0) * (Y * Z).sum(axis=0)
-        return self.D + terms.sum(axis=0), slope, abs(self.D) + np.abs(terms).sum(axis=0), curvature
+                out[k] = (right[k] + q * (T[k, k + 1 :] @ out[k + 1 :])) * pivot[k]
+            return out
+
+        X = back(self.b[:, None])
+        Y = np.empty((n, p.size), dtype=complex)
+        for k in range(n):
+            Y[k] = (self.c[k] + q * (T[:k, k] @ Y[:k])) * pivot[k]
+        return X.T, Y.T, back(X).T if twice else X.T
 
 
 @dataclass
@@ -132,6 +151,24 @@ class _Intervals:
 
 def _bernstein(h: FloatArray, L0: ComplexArray, S0: ComplexArray, L1: ComplexArray, S1: ComplexArray) -> ComplexArray:
     return np.stack((L0, L0 + h * S0 / 3.0, L1 - h * S1 / 3.0, L1), axis=-1)
+
+
+def _bernstein_root(f: FloatArray) -> FloatArray:
+    """Where in (0, 1) each row of Bernstein coefficients, shape (m, degree + 1), changes sign: a first guess."""
+    degree = f.shape[1] - 1
+    u = np.linspace(0.0, 1.0, _GUESS_POINTS)
+    basis = _GUESS_BASES.setdefault(
+        degree,
+        np.array([math.comb(degree, k) * u**k * (1.0 - u) ** (degree - k) for k in range(degree + 1)]),
+    )
+    values = f @ basis
+    j = np.argmax((values[:, 1:] >= 0.0) != (values[:, :1] >= 0.0), axis=1)
+    rows = np.arange(f.shape[0])
+    before, after = values[rows, j], values[rows, j + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fraction = before / (before - after)
+    guess: FloatArray = (j + np.where((fraction >= 0.0) & (fraction <= 1.0), fraction, 0.5)) / (_GUESS_POINTS - 1)
+    return guess
 
 
 @dataclass(frozen=True)
@@ -171,11 +208,15 @@ class _Jobs:
     kind: list[int] = field(default_factory=list)
     a: list[float] = field(default_factory=list)
     b: list[float] = field(default_factory=list)
+    guess: list[float] = field(default_factory=list)
     positive_at_a: list[bool] = field(default_factory=list)
     tail: list[bool] = field(default_factory=list)
 
-    def add(self, kind: int, a: FloatArray, b: FloatArray, positive_at_a: BoolArray, tail: BoolArray) -> None:
+    def add(
+        self, kind: int, a: FloatArray, b: FloatArray, guess: FloatArray, positive_at_a: BoolArray, tail: BoolArray
+    ) -> None:
         self.kind += [kind] * a.size
+        self.guess += guess.tolist()
         self.a += a.tolist()
         self.b += b.tolist()
         self.positive_at_a += positive_at_a.tolist()
@@ -202,7 +243,7 @@ class _Search:
         self.locus = _Locus(model)
         self.jobs = _Jobs()
         self.found: dict[int, list[tuple[float, complex]]] = {_REAL_AXIS: [], _UNIT_CIRCLE: []}
-        self.poles = self.locus.diagonal[:, 0]
+        self.poles = np.diagonal(self.locus.T)
         modulus = np.abs(self.poles)
         self.top_pole = float(modulus.max())
         self.at_origin = modulus <= _AXIS * self.top_pole
@@ -228,30 +269,30 @@ class _Search:
 
     def _end_at_zero(self) -> _End | None:
         """L = sum M_i s^i: M_0 = D - C A^-1 B, M_i = -C A^-(i+1) B."""
-        model, v = self.model, self.model.B
-        moments: list[float] = []
+        model = self.model
         inverse = np.linalg.inv(model.A)
+        v, bound, size = model.B, np.abs(model.B), np.abs(inverse)
+        found: float | None = None
         for i in range(model.n_states + 2):
-            v = inverse @ v
-            terms = model.C * v
-            moment = (model.D if i == 0 else 0.0) - float(terms.sum())
-            vanishing = _VANISHING * ((abs(model.D) if i == 0 else 0.0) + float(np.abs(terms).sum()))
-            if moments:
-                return _End(1j, i - 1, moments[0], moment)
-            if abs(moment) > vanishing:
-                moments.append(moment)
+            v, bound = inverse @ v, size @ bound
+            direct = model.D if i == 0 else 0.0
+            moment = direct - float(model.C @ v)
+            if found is not None:
+                return _End(1j, i - 1, found, moment)
+            if abs(moment) > _VANISHING * (abs(direct) + float(np.abs(model.C) @ bound)):
+                found = moment
         return None
 
     def _end_at_infinity(self) -> _End | None:
         """L = sum N_i s^-i: N_0 = D, N_i = C A^(i-1) B."""
-        model, v = self.model, self.model.B
+        model = self.model
+        v, bound, size = model.B, np.abs(model.B), np.abs(model.A)
         if model.D != 0.0:
             return _End(-1j, 0, model.D, float(model.C @ v))
         for i in range(1, model.n_states + 1):
-            terms = model.C * v
-            moment = float(terms.sum())
-            v = model.A @ v
-            if abs(moment) > _VANISHING * float(np.abs(terms).sum()):
+            moment, small = float(model.C @ v), _VANISHING * float(np.abs(model.C) @ bound)
+            v, bound = model.A @ v, size @ bound
+            if abs(moment) > small:
                 return _End(-1j, i, moment, float(model.C @ v))
         return None
 
@@ -282,8 +323,15 @@ class _Search:
         owner = np.nonzero(inside)[0]
         w = w[inside]
         distance = np.hypot(w[:, None] - w0, sigma)
-        w = w[distance[np.arange(w.size), owner] <= 1.5 * distance.min(axis=1)]
-        return np.concatenate(([start], np.unique(w), [top])), on_axis
+        nearest = distance.min(axis=1)
+        keep = distance[np.arange(w.size), owner] <= 1.5 * nearest
+        w, nearest = w[keep], nearest[keep]
+        order = np.argsort(w)
+        w, nearest = w[order], nearest[order]
+        # Grids of neighbouring poles interleave: keep one point for each half of the wanted spacing.
+        step = np.cumsum(np.diff(w, prepend=start) / (_SPACING * nearest))
+        w = w[np.diff(np.floor(2.0 * step), prepend=0.0) > 0.0]
+        return np.concatenate(([start], w[w < 0.9 * top], [top])), on_axis
 
     def _first_intervals(self) -> _Intervals:
         w, on_axis = self._grid()
@@ -364,7 +412,9 @@ class _Search:
         ):
             j = i[what]
             if j.size:
-                self.jobs.add(jobs_kind, v.x0[j], v.x1[j], sign[what], v.tail[j])
+                roots_of = f[what] if jobs_kind == kind else slope[what]
+                guess = v.x0[j] + (v.x1[j] - v.x0[j]) * _bernstein_root(roots_of)
+                self.jobs.add(jobs_kind, v.x0[j], v.x1[j], guess, sign[what], v.tail[j])
         open_[i[bracket | turning | clear]] = False
         return open_
 
@@ -414,7 +464,7 @@ class _Search:
                 if not check or v.from_end[i]:
                     continue
                 if (f0 >= 0.0) != (f1 >= 0.0):
-                    self.jobs.add(kind, x0, x1, np.array([f0 >= 0.0]), tail)
+                    self.jobs.add(kind, x0, x1, 0.5 * (x0 + x1), np.array([f0 >= 0.0]), tail)
                 elif min(abs(f0), abs(f1)) <= _TOUCH:
                     x, L = (x0[0], v.L0[i]) if abs(f0) <= abs(f1) else (x1[0], v.L1[i])
                     self._keep(kind, float(x), bool(tail[0]), complex(L))
@@ -462,7 +512,9 @@ class _Search:
             rising = (F1.conj() * slope1).real > 0.0
             reach = (v.x1 - v.x0) * np.maximum(np.abs(slope0), np.abs(slope1))
             j = np.nonzero(falling & rising & (np.minimum(size0, size1) - reach <= best))[0]
-            self.jobs.add(kind, v.x0[j], v.x1[j], np.zeros(j.size, dtype=bool), v.tail[j])
+            start, stop = (F.conj() * slope0).real[j], (F1.conj() * slope1).real[j]
+            guess = v.x0[j] + (v.x1[j] - v.x0[j]) * start / (start - stop)
+            self.jobs.add(kind, v.x0[j], v.x1[j], guess, np.zeros(j.size, dtype=bool), v.tail[j])
 
     def _polish_all(self, grid: _Samples) -> tuple[Points, Points]:
         minima: dict[int, list[tuple[float, complex]]] = {_NEAREST: [], _DISK: []}
@@ -492,9 +544,11 @@ class _Search:
         # The extremum is a maximum if f rises at the start; it crosses if it gets to the other side from the ends.
         if (f > 0.0) == jobs.positive_at_a[i]:
             ends_positive = not jobs.positive_at_a[i]
-            tail = np.array([jobs.tail[i]])
-            self.jobs.add(kind, np.array([jobs.a[i]]), np.array([x]), np.array([ends_positive]), tail)
-            self.jobs.add(kind, np.array([x]), np.array([jobs.b[i]]), np.array([not ends_positive]), tail)
+            for a, b, positive in ((jobs.a[i], x, ends_positive), (x, jobs.b[i], not ends_positive)):
+                middle = np.array([0.5 * (a + b)])
+                self.jobs.add(
+                    kind, np.array([a]), np.array([b]), middle, np.array([positive]), np.array([jobs.tail[i]])
+                )
 
     def _newton(self, jobs: _Jobs) -> tuple[list[float], list[complex], list[float]]:
         """Roots of all jobs at once: x, L and the size of its terms."""
@@ -502,33 +556,36 @@ class _Search:
         positive, tail = np.array(jobs.positive_at_a), np.array(jobs.tail)
         axis, circle, axis_extremum = kind == _REAL_AXIS, kind == _UNIT_CIRCLE, kind == _AXIS_EXTREMUM
         nearest, disk = kind == _NEAREST, kind == _DISK
-        # A root of a minimum only needs half the digits: the function is flat there.
-        tolerance = np.where(axis | circle, 1e-14, 1e-9)
-        x = 0.5 * (a + b)
+        # The place of a minimum needs half the digits only: the function is flat there.
+        tolerance = np.where(axis | circle, 1e-13, 1e-8)
+        x = np.clip(np.array(jobs.guess), a, b)
+        settled = np.zeros(x.size, dtype=bool)
+        any_disk = bool(disk.any())
         with np.errstate(all="ignore"):
             for step in range(_MAX_NEWTON):
                 L, S, size, C = self.locus.second(x, tail)
-                F = np.where(nearest, 1.0 + L, L)
-                F1, F2 = S, C
-                if disk.any():
+                F, F1, F2 = L + nearest, S, C
+                if any_disk:
                     u = 1.0 / (1.0 - L)
                     F = np.where(disk, (1.0 + L) * u, F)
                     F1 = np.where(disk, 2.0 * S * u * u, S)
                     F2 = np.where(disk, (2.0 * C + 4.0 * S * S * u) * u * u, C)
+                # Roots of d|F|^2/dx / 2 for the minima and the extrema of |L|, of Im L, of log|L|, of d Im L/dx.
                 g = (F.conj() * F1).real
                 dg = np.abs(F1) ** 2 + (F.conj() * F2).real
                 g = np.where(circle, np.log(np.abs(L)), np.where(axis, L.imag, np.where(axis_extremum, S.imag, g)))
                 dg = np.where(circle, (S / L).real, np.where(axis, S.imag, np.where(axis_extremum, C.imag, dg)))
                 before = (g >= 0.0) == positive
                 a, b = np.where(before, x, a), np.where(before, b, x)
-                new = x - g / dg
+                move = g / dg
+                new = x - move
                 new = np.where((new > a) & (new < b), new, 0.5 * (a + b))
-                done = (np.abs(new - x) <= tolerance * np.abs(x)) | (g == 0.0) | (b - a <= 4.0 * _EPS * b)
-                if done.all():
+                settled |= (np.abs(move) <= tolerance * x) | (b - a <= 4.0 * _EPS * b)
+                if settled.all():
                     break
-                x = np.where(done, x, new)
-                if step > 10:
-                    tolerance = tolerance * 2.0  # round-off may keep the last digits from settling
+                x = np.where(settled, x, new)
+                if step > 10:  # round-off keeps the last digits from settling
+                    tolerance = np.minimum(4.0 * tolerance, np.maximum(tolerance, 1e-11))
         return x.tolist(), L.tolist(), size.tolist()
 
     def _keep(self, kind: int, x: float, tail: bool, L: complex) -> None:
