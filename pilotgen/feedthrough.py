@@ -34,8 +34,8 @@ _CERTIFICATE_POINTS = 20  # a wrong model of 4 to 10 poles cannot agree with the
 
 _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {
     COLLECTIVE: {"lever.gz": 1.0},  # hinge axis z (right): x (forward, along the lever) turns to y (up)
-    "cyclic_aft": {"cyclic.gz": 1.0},  # the stick (up) turns to -x: aft
-    "cyclic_right": {"cyclic.gx": 1.0},  # the stick (up) turns to z: right
+    "cyclic_aft": {"stick.gz": 1.0},  # the stick (up, y) turns to -x: aft
+    "cyclic_right": {"stick.gx": 1.0},  # the stick (up, y) turns to z: right
 }
 
 

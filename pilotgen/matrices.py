@@ -196,6 +196,11 @@ class Matrices:
         """Residual with the reactions of the state, shape (n,): zero at a static equilibrium [N, N m, m, rad]."""
         return self.state.equilibrium_residual
 
+    @property
+    def muscle_lengths(self) -> Floats:
+        """Lengths of the muscles in deck order, shape (q,) [m]."""
+        return self.muscles.length
+
     def _get(self, group: str) -> Any:
         return self._table(group)
 
