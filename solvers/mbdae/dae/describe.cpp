@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/dae/describe.h"
+
+namespace mbdae {
+
+namespace {
+
+constexpr double kDefaultCoefficient = 0.01;  // s, LineariseOptions::c
+
+void describe_unknowns(const Model& model, LinearisedModel& out) {
+  out.dofs.reserve(static_cast<std::size_t>(model.size()));
+  for (int k = 0; k < model.size(); ++k) {
+    out.dofs.push_back({model.unknown_name(k), model.unknown_kind(k), model.unknown_unit(k), model.unknown_owner(k)});
+  }
+  for (const ConstraintEntry& entry : model.constraints()) {
+    out.joints.push_back({entry.data->id.name, static_cast<int>(entry.data->id.label), joint_type(*entry.data),
+                          entry.constraint->first(), entry.constraint->size()});
+  }
+}
+
+void describe_nodes(const Model& model, const State& state, LinearisedModel& out) {
+  out.nodes.reserve(state.nodes.size());
+  for (std::size_t i = 0; i < state.nodes.size(); ++i) {
+    const NodeMotion& motion = state.nodes[i];
+    const NodeSlot& slot = model.slots()[i];
+    const Identity& id = model.deck().nodes[i].id;
+    NodeState node;
+    node.name = id.name;
+    node.label = static_cast<int>(id.label);
+    node.first = slot.first;
+    node.dofs = slot.dynamic ? 12 : 6;
+    node.x = motion.x;
+    node.v = motion.v;
+    node.w = motion.w;
+    node.R = motion.R;
+    out.nodes.push_back(node);
+  }
+}
+
+void describe_inputs(const Model& model, const State& state, LinearisedModel& out) {
+  std::vector<const RodEntry*> muscles;
+  for (const RodEntry& entry : model.rods()) {
+    if (entry.rod->is_muscle()) muscles.push_back(&entry);
+  }
+  int drives = 0;
+  for (const ConstraintEntry& entry : model.constraints()) {
+    const bool driven = std::holds_alternative<TotalJointData>(entry.data->kind) ||
+                        std::holds_alternative<TotalPinData>(entry.data->kind);
+    if (driven) drives += entry.constraint->size();
+  }
+  out.g_u = Eigen::MatrixXd::Zero(model.size(), static_cast<Eigen::Index>(muscles.size()) + drives);
+
+  int column = 0;
+  for (const RodEntry* entry : muscles) {
+    const Identity& id = entry->data->id;
+    const MuscleValue value = entry->rod->muscle(state);
+    out.muscles.push_back({id.name, static_cast<int>(id.label), entry->rod->value(state).length, value.x, value.v,
+                           value.activation, value.force});
+    out.inputs.push_back({"activation[" + id.name + "]", "-"});
+    entry->rod->add_activation_derivative(state, out.g_u.col(column++));
+  }
+  for (const ConstraintEntry& entry : model.constraints()) {
+    if (!std::holds_alternative<TotalJointData>(entry.data->kind) &&
+        !std::holds_alternative<TotalPinData>(entry.data->kind)) {
+      continue;
+    }
+    const auto& joint = static_cast<const TotalConstraint&>(*entry.constraint);
+    for (int k = 0; k < joint.size(); ++k) {
+      const TotalConstraint::Row& row = joint.rows()[static_cast<std::size_t>(k)];
+      const std::string unit = std::string(row.rotation ? "rad" : "m") + (row.velocity ? "/s" : "");
+      out.inputs.push_back({"drive[" + entry.data->id.name + (row.rotation ? ".rotation[" : ".position[") +
+                                std::to_string(row.component + 1) + "]]",
+                            unit});
+      out.g_u.col(column++).segment(joint.first(), joint.size()) = joint.drive_derivative(state, k);
+    }
+  }
+}
+
+}  // namespace
+
+double deck_coefficient(const Deck& deck) {
+  return deck.initial_value.eigenanalysis ? 0.5 * deck.initial_value.eigenanalysis->parameter : kDefaultCoefficient;
+}
+
+LinearisedModel describe(const Model& model, State& state, double c, const char* analysis) {
+  LinearisedModel out;
+  out.analysis = analysis;
+  out.c = c;
+  out.time = state.t;
+
+  Equations eq;
+  state.ydot.setZero(model.size());
+  model.assemble(state, eq, true);
+  out.equilibrium_residual = eq.g;
+  out.residual_norm = eq.g.norm();
+  for (const NodeSlot& slot : model.slots()) {
+    const NodeMotion& motion = motion_of(state, slot);
+    state.ydot.segment<3>(slot.first) = motion.v;
+    state.ydot.segment<3>(slot.first + 3) = motion.w;
+    if (slot.dynamic) state.ydot.segment<6>(slot.force) = -eq.g.segment<6>(slot.force);
+  }
+
+  State free = state;  // no reactions, no momenta rates
+  free.y.tail(model.reaction_count()).setZero();
+  free.ydot.setZero();
+  Equations unbalanced;
+  model.assemble(free, unbalanced, false);
+  out.residual = unbalanced.g;
+
+  model.to_increments(state, eq);
+  out.J_plus = eq.g_ydot + c * eq.g_y;
+  out.J_minus = eq.g_ydot - c * eq.g_y;
+  out.y = state.y;
+  for (const NodeSlot& slot : model.slots()) {
+    out.y.segment<3>(slot.first) = motion_of(state, slot).x;
+    out.y.segment<3>(slot.first + 3).setZero();
+  }
+  out.ydot = state.ydot;
+  describe_unknowns(model, out);
+  describe_nodes(model, state, out);
+  describe_inputs(model, state, out);
+  return out;
+}
+
+}  // namespace mbdae

@@ -1,0 +1,17 @@
+// The linearised model at a state, with names: shared by linearise and static.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "mbdae/dae/linearised_model.h"
+#include "mbdae/model/model.h"
+
+namespace mbdae {
+
+/// Tangent matrices, residuals, inputs and names at a state whose momenta and reactions are set.
+LinearisedModel describe(const Model& model, State& state, double c, const char* analysis);
+
+/// c [s] of the deck's eigenanalysis card (`parameter` / 2), 0.01 s without one.
+double deck_coefficient(const Deck& deck);
+
+}  // namespace mbdae

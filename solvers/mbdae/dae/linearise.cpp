@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <string>
+
+#include "mbdae/dae/analyses.h"
+#include "mbdae/dae/consistency.h"
+#include "mbdae/dae/describe.h"
+
+namespace mbdae {
+
+LinearisedModel linearise(const Deck& deck, const LineariseOptions& options) {
+  Model model = make_model(deck);
+  State state = model.initial_state();
+  model.set_reference(state);
+  check_constraints(model, state);
+  if (options.state) {
+    if (options.state->size() != model.size()) {
+      throw ModelError("the state to linearise at has " + std::to_string(options.state->size()) +
+                       " entries, the deck has " + std::to_string(model.size()) + " unknowns");
+    }
+    state.y = *options.state;
+  } else {
+    solve_accelerations(model, state);
+  }
+  return describe(model, state, options.c.value_or(deck_coefficient(deck)), "linearise");
+}
+
+}  // namespace mbdae

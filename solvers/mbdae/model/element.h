@@ -1,0 +1,125 @@
+// What every element does: add its part of the residual g(t, y, ydot) and of the tangents g_y, g_ydot.
+//
+// Elements see nodes as rigid-body motions (x, R, v, w) and differentiate with respect to their variations
+// (dx, dphi, dv, dw) with dR = dphi x R; all global components. The columns of a node's position and rotation unknowns
+// hold those derivatives until Model::to_increments() turns them into derivatives with respect to the unknowns.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+#include <vector>
+
+#include "mbdae/deck/deck.h"
+#include "mbdae/model/rotation.h"
+
+namespace mbdae {
+
+/// Pose and velocity of a node, global components.
+struct NodeMotion {
+  Vec3 x = Vec3::Zero();          ///< [m]
+  Mat3 R = Mat3::Identity();
+  Vec3 v = Vec3::Zero();          ///< [m/s]
+  Vec3 w = Vec3::Zero();          ///< [rad/s]
+};
+
+/// Everything a residual depends on.
+struct State {
+  double t = 0.0;                 ///< [s]
+  std::vector<NodeMotion> nodes;  ///< deck order
+  Eigen::VectorXd y;              ///< momenta and reactions are read from here; pose entries are not read
+  Eigen::VectorXd ydot;           ///< momenta rates are read from here; nothing else is
+};
+
+/// Residual and tangents of the whole model, in the order of the unknowns.
+struct Equations {
+  Eigen::VectorXd g;
+  Eigen::MatrixXd g_y, g_ydot;
+
+  void clear(int n, bool tangent) {
+    g.setZero(n);
+    if (tangent) {
+      g_y.setZero(n, n);
+      g_ydot.setZero(n, n);
+    }
+  }
+};
+
+/// First and second time derivative of the constraints, by equation number.
+struct ConstraintRates {
+  Eigen::VectorXd rate;    ///< d phi/dt; zero in rows that are velocity constraints (there phi itself is the rate)
+  Eigen::VectorXd bias;    ///< second derivative of phi (first, of velocity constraints) with accelerations zero
+  Eigen::MatrixXd rate_q;  ///< derivative of the velocity-level constraint with respect to (dx, dphi)
+};
+
+/// Where a node's unknowns and equations stand, counted from 0. The ground has index, first and force -1.
+struct NodeSlot {
+  int index = -1;
+  int first = -1;        ///< position columns, then rotation columns
+  int force = -1;        ///< force equilibrium rows, then moment equilibrium rows
+  bool dynamic = false;  ///< has momenta: 12 unknowns instead of 6
+};
+
+class Element {
+ public:
+  virtual ~Element() = default;
+
+  /// Adds to eq.g and, if asked, to eq.g_y and eq.g_ydot.
+  virtual void assemble(const State& state, Equations& eq, bool tangent) const = 0;
+};
+
+/// An element with reactions and constraint equations.
+class Constraint : public Element {
+ public:
+  /// Adds velocity and acceleration terms; rate_q only if asked.
+  virtual void rates(const State& state, ConstraintRates& out, bool tangent) const = 0;
+
+  /// True if constraint k (from 0) is written at velocity level.
+  virtual bool velocity_level(int /*k*/) const { return false; }
+
+  /// True if constraint k is a rotation or an axis condition: its reaction is a couple [N m].
+  virtual bool is_couple(int k) const = 0;
+
+  /// Takes the present configuration as the one that free rotation components are counted from.
+  virtual void set_reference(const State& /*state*/) {}
+
+  int first() const { return first_; }
+  int size() const { return size_; }
+
+ protected:
+  int first_ = 0;  ///< first reaction column and constraint row
+  int size_ = 0;
+};
+
+/// Motion of a slot's node; the ground does not move.
+inline const NodeMotion& motion_of(const State& state, const NodeSlot& slot) {
+  static const NodeMotion ground;
+  return slot.index < 0 ? ground : state.nodes[static_cast<std::size_t>(slot.index)];
+}
+
+/// A += B at (row, column), nothing for the ground.
+inline void add_block(Eigen::MatrixXd& A, int row, int column, const Mat3& B) {
+  if (row >= 0 && column >= 0) A.block<3, 3>(row, column) += B;
+}
+
+inline void add_column(Eigen::MatrixXd& A, int row, int column, const Vec3& b) {
+  if (row >= 0) A.block<3, 1>(row, column) += b;
+}
+
+inline void add_row(Eigen::MatrixXd& A, int row, int column, const Vec3& b) {
+  if (column >= 0) A.block<1, 3>(row, column) += b.transpose();
+}
+
+/// Row and column of a node's moments and rotations; -1 for the ground.
+inline int moment_row(const NodeSlot& slot) { return slot.force < 0 ? -1 : slot.force + 3; }
+inline int rotation_column(const NodeSlot& slot) { return slot.first < 0 ? -1 : slot.first + 3; }
+
+/// Adds a force and a moment [N, N m] to the equilibrium rows of g (g = - sum of the forces on the node).
+inline void add_to_g(Eigen::VectorXd& g, const NodeSlot& slot, const Vec3& force, const Vec3& moment) {
+  if (slot.force < 0) return;
+  g.segment<3>(slot.force) += force;
+  g.segment<3>(slot.force + 3) += moment;
+}
+
+}  // namespace mbdae

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/model/hinge.h"
+
+namespace mbdae {
+
+namespace {
+constexpr double kAxisRowSign = -1.0;  // constraint rows of axes are -(a . b), as in MBDyn's Jacobian
+}
+
+void Hinge::set_points(const NodeSlot& node1, const Vec3& d1, const NodeSlot& node2, const Vec3& d2, int first) {
+  node1_ = node1;
+  node2_ = node2;
+  d1_ = d1;
+  d2_ = d2;
+  first_ = first;
+  size_ = 3;
+}
+
+void Hinge::add_axis(const NodeSlot& node_a, const Vec3& a, const NodeSlot& node_b, const Vec3& b, double couple_sign) {
+  axes_.push_back({node_a, node_b, a, b, couple_sign});
+  ++size_;
+}
+
+Hinge::Hinge(const SphericalHingeData& data, const NodeSlot& node1, const NodeSlot& node2, int first) {
+  set_points(node1, data.d1, node2, data.d2, first);
+}
+
+Hinge::Hinge(const SphericalPinData& data, const NodeSlot& node, int first) {
+  set_points(node, data.d, NodeSlot{}, data.X0, first);
+}
+
+Hinge::Hinge(const RevoluteHingeData& data, const NodeSlot& node1, const NodeSlot& node2, int first) {
+  set_points(node1, data.d1, node2, data.d2, first);
+  add_axis(node1, data.R1h.col(2), node2, data.R2h.col(1), 1.0);
+  add_axis(node1, data.R1h.col(2), node2, data.R2h.col(0), -1.0);
+}
+
+Hinge::Hinge(const RevolutePinData& data, const NodeSlot& node, int first) {
+  set_points(node, data.d, NodeSlot{}, data.X0, first);
+  add_axis(NodeSlot{}, data.R0.col(2), node, data.Rh.col(1), -1.0);
+  add_axis(NodeSlot{}, data.R0.col(2), node, data.Rh.col(0), 1.0);
+}
+
+Hinge::Hinge(const CardanoHingeData& data, const NodeSlot& node1, const NodeSlot& node2, int first) {
+  set_points(node1, data.d1, node2, data.d2, first);
+  point_row_sign_ = 1.0;
+  add_axis(node1, data.R1h.col(2), node2, data.R2h.col(1), 1.0);
+}
+
+Hinge::Hinge(const CardanoPinData& data, const NodeSlot& node, int first) {
+  set_points(node, data.d, NodeSlot{}, data.X0, first);
+  force_sign_ = -1.0;
+  add_axis(NodeSlot{}, data.R0.col(2), node, data.Rh.col(1), 1.0);
+}
+
+void Hinge::assemble(const State& state, Equations& eq, bool tangent) const {
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const NodeMotion& n2 = motion_of(state, node2_);
+  const Vec3 d1 = n1.R * d1_, d2 = n2.R * d2_;
+  const Vec3 F = force_sign_ * state.y.segment<3>(first_);
+
+  add_to_g(eq.g, node1_, F, d1.cross(F));
+  add_to_g(eq.g, node2_, -F, -d2.cross(F));
+  eq.g.segment<3>(first_) += point_row_sign_ * (n1.x + d1 - n2.x - d2);
+
+  if (tangent) {
+    const Mat3 I = Mat3::Identity(), d1x = skew(d1), d2x = skew(d2);
+    add_block(eq.g_y, node1_.force, first_, force_sign_ * I);
+    add_block(eq.g_y, moment_row(node1_), first_, force_sign_ * d1x);
+    add_block(eq.g_y, node2_.force, first_, -force_sign_ * I);
+    add_block(eq.g_y, moment_row(node2_), first_, -force_sign_ * d2x);
+    add_block(eq.g_y, first_, node1_.first, point_row_sign_ * I);
+    add_block(eq.g_y, first_, rotation_column(node1_), -point_row_sign_ * d1x);
+    add_block(eq.g_y, first_, node2_.first, -point_row_sign_ * I);
+    add_block(eq.g_y, first_, rotation_column(node2_), point_row_sign_ * d2x);
+    add_block(eq.g_y, moment_row(node1_), rotation_column(node1_), skew_skew(F, d1));
+    add_block(eq.g_y, moment_row(node2_), rotation_column(node2_), -skew_skew(F, d2));
+  }
+
+  for (std::size_t k = 0; k < axes_.size(); ++k) {
+    const Axis& axis = axes_[k];
+    const int row = first_ + 3 + static_cast<int>(k);
+    const Vec3 a = motion_of(state, axis.node_a).R * axis.a, b = motion_of(state, axis.node_b).R * axis.b;
+    const Vec3 arm = axis.couple_sign * b.cross(a);
+    const double M = state.y(row);
+    add_to_g(eq.g, axis.node_a, Vec3::Zero(), M * arm);
+    add_to_g(eq.g, axis.node_b, Vec3::Zero(), -M * arm);
+    eq.g(row) += kAxisRowSign * a.dot(b);
+    if (!tangent) continue;
+
+    const int Ma = moment_row(axis.node_a), Mb = moment_row(axis.node_b);
+    const int ga = rotation_column(axis.node_a), gb = rotation_column(axis.node_b);
+    add_column(eq.g_y, Ma, row, arm);
+    add_column(eq.g_y, Mb, row, -arm);
+    add_row(eq.g_y, row, ga, kAxisRowSign * a.cross(b));
+    add_row(eq.g_y, row, gb, kAxisRowSign * b.cross(a));
+    const double scale = axis.couple_sign * M;
+    const Mat3 by_a = -scale * skew_skew(b, a), by_b = scale * skew_skew(a, b);
+    add_block(eq.g_y, Ma, ga, by_a);
+    add_block(eq.g_y, Ma, gb, by_b);
+    add_block(eq.g_y, Mb, ga, -by_a);
+    add_block(eq.g_y, Mb, gb, -by_b);
+  }
+}
+
+void Hinge::rates(const State& state, ConstraintRates& out, bool tangent) const {
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const NodeMotion& n2 = motion_of(state, node2_);
+  const Vec3 d1 = n1.R * d1_, d2 = n2.R * d2_;
+  const Vec3 d1dot = n1.w.cross(d1), d2dot = n2.w.cross(d2);
+  out.rate.segment<3>(first_) += point_row_sign_ * (n1.v + d1dot - n2.v - d2dot);
+  out.bias.segment<3>(first_) += point_row_sign_ * (n1.w.cross(d1dot) - n2.w.cross(d2dot));
+  if (tangent) {
+    add_block(out.rate_q, first_, rotation_column(node1_), -point_row_sign_ * skew_skew(n1.w, d1));
+    add_block(out.rate_q, first_, rotation_column(node2_), point_row_sign_ * skew_skew(n2.w, d2));
+  }
+  for (std::size_t k = 0; k < axes_.size(); ++k) {
+    const Axis& axis = axes_[k];
+    const int row = first_ + 3 + static_cast<int>(k);
+    const NodeMotion& na = motion_of(state, axis.node_a);
+    const NodeMotion& nb = motion_of(state, axis.node_b);
+    const Vec3 a = na.R * axis.a, b = nb.R * axis.b;
+    const Vec3 adot = na.w.cross(a), bdot = nb.w.cross(b);
+    out.rate(row) += kAxisRowSign * (adot.dot(b) + a.dot(bdot));
+    out.bias(row) += kAxisRowSign * (na.w.cross(adot).dot(b) + 2.0 * adot.dot(bdot) + a.dot(nb.w.cross(bdot)));
+    if (tangent) {
+      // d((wa - wb) . (a x b)); u^T skew(p) skew(q) = (q x (p x u))^T
+      const Vec3 relative = na.w - nb.w;
+      add_row(out.rate_q, row, rotation_column(axis.node_a), kAxisRowSign * a.cross(b.cross(relative)));
+      add_row(out.rate_q, row, rotation_column(axis.node_b), -kAxisRowSign * b.cross(a.cross(relative)));
+    }
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/model/model.h"
+
+#include <stdexcept>
+
+#include "mbdae/model/hinge.h"
+
+namespace mbdae {
+
+Model::Model(const Deck& deck) : deck_(deck) {
+  slots_.reserve(deck.nodes.size());
+  for (std::size_t i = 0; i < deck.nodes.size(); ++i) {
+    NodeSlot slot;
+    slot.index = static_cast<int>(i);
+    slot.dynamic = deck.nodes[i].kind == NodeKind::dynamic_node && !deck.control.static_model;
+    slot.first = size_;
+    slot.force = slot.dynamic ? size_ + 6 : size_;
+    size_ += slot.dynamic ? 12 : 6;
+    slots_.push_back(slot);
+  }
+  reaction_start_ = size_;
+
+  std::vector<std::vector<const BodyData*>> bodies(deck.nodes.size());
+  for (const BodyData& body : deck.bodies) {
+    if (!slots_[body.node].dynamic && !deck.control.static_model) {
+      throw std::invalid_argument("body " + std::to_string(body.id.label) + " sits on the static node " +
+                                  deck.nodes[body.node].id.name +
+                                  ": make the node dynamic, or declare `model: static;` in the control data");
+    }
+    bodies[body.node].push_back(&body);
+  }
+  inertias_.reserve(slots_.size());
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    inertias_.emplace_back(slots_[i], bodies[i], deck.gravity ? &*deck.gravity : nullptr);
+  }
+
+  for (const JointData& joint : deck.joints) {
+    std::unique_ptr<Constraint> constraint;
+    const auto slot = [&](NodeIndex node) -> const NodeSlot& { return slots_[node]; };
+    if (const auto* d = std::get_if<ClampData>(&joint.kind)) {
+      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node), size_);
+    } else if (const auto* d = std::get_if<SphericalHingeData>(&joint.kind)) {
+      constraint = std::make_unique<Hinge>(*d, slot(d->node1), slot(d->node2), size_);
+    } else if (const auto* d = std::get_if<SphericalPinData>(&joint.kind)) {
+      constraint = std::make_unique<Hinge>(*d, slot(d->node), size_);
+    } else if (const auto* d = std::get_if<RevoluteHingeData>(&joint.kind)) {
+      constraint = std::make_unique<Hinge>(*d, slot(d->node1), slot(d->node2), size_);
+    } else if (const auto* d = std::get_if<RevolutePinData>(&joint.kind)) {
+      constraint = std::make_unique<Hinge>(*d, slot(d->node), size_);
+    } else if (const auto* d = std::get_if<CardanoHingeData>(&joint.kind)) {
+      constraint = std::make_unique<Hinge>(*d, slot(d->node1), slot(d->node2), size_);
+    } else if (const auto* d = std::get_if<CardanoPinData>(&joint.kind)) {
+      constraint = std::make_unique<Hinge>(*d, slot(d->node), size_);
+    } else if (const auto* d = std::get_if<InLineData>(&joint.kind)) {
+      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node1), slot(d->node2), size_);
+    } else if (const auto* d = std::get_if<TotalJointData>(&joint.kind)) {
+      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node1), slot(d->node2), size_);
+    } else if (const auto* d = std::get_if<TotalPinData>(&joint.kind)) {
+      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node), size_);
+    } else if (const auto* d = std::get_if<RodData>(&joint.kind)) {
+      rods_.push_back({&joint, std::make_unique<Rod>(*d, slot(d->node1), slot(d->node2))});
+    } else if (const auto* d = std::get_if<DeformableHingeData>(&joint.kind)) {
+      elements_.push_back(std::make_unique<DeformableHinge>(*d, slot(d->node1), slot(d->node2)));
+    } else if (const auto* d = std::get_if<DeformableJointData>(&joint.kind)) {
+      elements_.push_back(std::make_unique<DeformableJoint>(*d, slot(d->node1), slot(d->node2)));
+    }
+    if (constraint) {
+      size_ += constraint->size();
+      constraints_.push_back({&joint, std::move(constraint)});
+    }
+  }
+  for (const ForceData& force : deck.forces) {
+    elements_.push_back(std::make_unique<AppliedForce>(force, slots_[force.node]));
+  }
+}
+
+State Model::initial_state() const {
+  State state;
+  state.t = deck_.initial_value.initial_time;
+  state.y.setZero(size_);
+  state.ydot.setZero(size_);
+  state.nodes.reserve(slots_.size());
+  for (const NodeData& node : deck_.nodes) {
+    NodeMotion motion{node.x, node.R, node.v, node.w};
+    if (deck_.control.static_model) motion.v = motion.w = Vec3::Zero();
+    state.nodes.push_back(motion);
+  }
+  set_momenta(state);
+  return state;
+}
+
+void Model::set_momenta(State& state) const {
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (slots_[i].dynamic) state.y.segment<6>(slots_[i].force) = inertias_[i].momentum(state.nodes[i]);
+  }
+}
+
+void Model::set_reference(const State& state) {
+  for (ConstraintEntry& entry : constraints_) entry.constraint->set_reference(state);
+}
+
+void Model::assemble(const State& state, Equations& eq, bool tangent) const {
+  eq.clear(size_, tangent);
+  for (const NodeInertia& inertia : inertias_) inertia.assemble(state, eq, tangent);
+  add_loads(state, eq, tangent);
+  add_constraints(state, eq, tangent);
+}
+
+void Model::assemble_statics(const State& state, Equations& eq, bool tangent) const {
+  eq.clear(size_, tangent);
+  add_loads(state, eq, tangent);
+  add_constraints(state, eq, tangent);
+}
+
+void Model::add_loads(const State& state, Equations& eq, bool tangent) const {
+  for (const NodeInertia& inertia : inertias_) inertia.assemble_gravity(state, eq, tangent);
+  for (const RodEntry& entry : rods_) entry.rod->assemble(state, eq, tangent);
+  for (const auto& element : elements_) element->assemble(state, eq, tangent);
+}
+
+void Model::add_constraints(const State& state, Equations& eq, bool tangent) const {
+  for (const ConstraintEntry& entry : constraints_) entry.constraint->assemble(state, eq, tangent);
+}
+
+void Model::rates(const State& state, ConstraintRates& out, bool tangent) const {
+  out.rate.setZero(size_);
+  out.bias.setZero(size_);
+  if (tangent) out.rate_q.setZero(size_, size_);
+  for (const ConstraintEntry& entry : constraints_) entry.constraint->rates(state, out, tangent);
+}
+
+void Model::to_increments(const State& state, Equations& eq) const {
+  for (const NodeSlot& slot : slots_) {
+    const Vec3& w = motion_of(state, slot).w;
+    if (w.isZero(0.0)) continue;
+    const int g = slot.first + 3;
+    eq.g_y.middleCols<3>(g) -= eq.g_ydot.middleCols<3>(g) * skew(w);
+  }
+}
+
+}  // namespace mbdae

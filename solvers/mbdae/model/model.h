@@ -1,0 +1,105 @@
+// The whole model: numbering of unknowns and equations, all elements, assembly.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mbdae/deck/deck.h"
+#include "mbdae/model/element.h"
+#include "mbdae/model/loads.h"
+#include "mbdae/model/springs.h"
+#include "mbdae/model/total.h"
+
+namespace mbdae {
+
+/// A joint with reactions, and what the deck calls it.
+struct ConstraintEntry {
+  const JointData* data = nullptr;
+  std::unique_ptr<Constraint> constraint;
+};
+
+/// A rod, muscles included.
+struct RodEntry {
+  const JointData* data = nullptr;
+  std::unique_ptr<Rod> rod;
+};
+
+/// The type of a joint as decks write it: "spherical hinge", ...
+std::string joint_type(const JointData& joint);
+
+/// How a joint is called in messages: `wrist_l (cardano hinge 107)`.
+std::string joint_title(const JointData& joint);
+
+/// A deck as a system of equations. Keeps references into the deck, which must outlive it.
+class Model {
+ public:
+  /// Throws std::invalid_argument on a body on a static node of a dynamic deck.
+  explicit Model(const Deck& deck);
+
+  const Deck& deck() const { return deck_; }
+  int size() const { return size_; }                    ///< number of unknowns
+  int reaction_start() const { return reaction_start_; }  ///< first reaction
+  int reaction_count() const { return size_ - reaction_start_; }
+  const std::vector<NodeSlot>& slots() const { return slots_; }
+  const std::vector<ConstraintEntry>& constraints() const { return constraints_; }
+  const std::vector<RodEntry>& rods() const { return rods_; }
+  const std::vector<NodeInertia>& inertias() const { return inertias_; }
+
+  /// Deck poses and velocities (zero velocities under `model: static`), momenta of the bodies, no reactions.
+  State initial_state() const;
+
+  /// Momenta of the bodies into state.y.
+  void set_momenta(State& state) const;
+
+  /// Counts free rotation components of total joints from this configuration.
+  void set_reference(const State& state);
+
+  /// Residual and tangents with respect to (dx, dphi, dbeta, dgamma, reactions) and (dv, dw, betadot, gammadot).
+  void assemble(const State& state, Equations& eq, bool tangent) const;
+
+  /// Adds gravity, rods, deformable elements and applied forces: everything but inertia and constraints.
+  void add_loads(const State& state, Equations& eq, bool tangent) const;
+
+  /// Statics: loads and constraints, no momenta rows, no momenta rates.
+  void assemble_statics(const State& state, Equations& eq, bool tangent) const;
+
+  /// Adds the joints with reactions: constraint rows and reaction forces.
+  void add_constraints(const State& state, Equations& eq, bool tangent) const;
+
+  /// Velocity and acceleration terms of all constraints (vectors and matrix of full size).
+  void rates(const State& state, ConstraintRates& out, bool tangent) const;
+
+  /// From variations to the unknowns of the linearised model: at R_ref = R, w_ref = w, dw = dgdot - w x dg.
+  void to_increments(const State& state, Equations& eq) const;
+
+  /// Name of unknown k, e.g. `hand_l.gx` or `wrist_l.reaction[2]`.
+  std::string unknown_name(int k) const;
+  std::string unknown_kind(int k) const;
+  std::string unknown_unit(int k) const;
+  int unknown_owner(int k) const;
+
+  /// What equation k says and its unit, for messages: `force equilibrium of hand_l along x`, `N`.
+  std::string equation_title(int k) const;
+  std::string equation_unit(int k) const;
+
+ private:
+  struct Place {
+    int node = -1, component = 0;  // component within the node's or joint's block
+    int constraint = -1;
+  };
+  Place place(int k) const;
+
+  const Deck& deck_;
+  int size_ = 0, reaction_start_ = 0;
+  std::vector<NodeSlot> slots_;
+  std::vector<NodeInertia> inertias_;  // one per node
+  std::vector<ConstraintEntry> constraints_;
+  std::vector<RodEntry> rods_;
+  std::vector<std::unique_ptr<Element>> elements_;  // deformable elements and applied forces
+};
+
+}  // namespace mbdae

@@ -1,0 +1,93 @@
+// Names of unknowns and equations, as in docs/io_formats/matrices.md.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#include <array>
+#include <sstream>
+
+#include "mbdae/model/model.h"
+
+namespace mbdae {
+
+std::string joint_type(const JointData& joint) {
+  static constexpr std::array<const char*, std::variant_size_v<JointKind>> kTypes{
+      "clamp",        "spherical hinge", "spherical pin", "revolute hinge",  "revolute pin",
+      "cardano hinge", "cardano pin",    "in line",       "total joint",     "total pin joint",
+      "rod",          "deformable hinge", "deformable joint"};
+  return kTypes[joint.kind.index()];
+}
+
+std::string joint_title(const JointData& joint) {
+  return joint.id.name + " (" + joint_type(joint) + " " + std::to_string(joint.id.label) + ")";
+}
+
+Model::Place Model::place(int k) const {
+  if (k < reaction_start_) {
+    std::size_t i = 0;
+    while (i + 1 < slots_.size() && slots_[i + 1].first <= k) ++i;
+    return {static_cast<int>(i), k - slots_[i].first, -1};
+  }
+  std::size_t i = 0;
+  while (i + 1 < constraints_.size() && constraints_[i + 1].constraint->first() <= k) ++i;
+  return {-1, k - constraints_[i].constraint->first(), static_cast<int>(i)};
+}
+
+std::string Model::unknown_name(int k) const {
+  static constexpr std::array<const char*, 12> kSuffix{"x",  "y",  "z",  "gx", "gy", "gz",
+                                                       "bx", "by", "bz", "hx", "hy", "hz"};
+  const Place p = place(k);
+  if (p.node >= 0) {
+    return deck_.nodes[static_cast<std::size_t>(p.node)].id.name + "." + kSuffix[static_cast<std::size_t>(p.component)];
+  }
+  return constraints_[static_cast<std::size_t>(p.constraint)].data->id.name + ".reaction[" +
+         std::to_string(p.component + 1) + "]";
+}
+
+std::string Model::unknown_kind(int k) const {
+  static constexpr std::array<const char*, 4> kKinds{"position", "rotation", "momentum", "momenta_moment"};
+  const Place p = place(k);
+  return p.node >= 0 ? kKinds[static_cast<std::size_t>(p.component / 3)] : "reaction";
+}
+
+std::string Model::unknown_unit(int k) const {
+  static constexpr std::array<const char*, 4> kUnits{"m", "rad", "kg m/s", "kg m^2/s"};
+  const Place p = place(k);
+  if (p.node >= 0) return kUnits[static_cast<std::size_t>(p.component / 3)];
+  return constraints_[static_cast<std::size_t>(p.constraint)].constraint->is_couple(p.component) ? "N m" : "N";
+}
+
+int Model::unknown_owner(int k) const {
+  const Place p = place(k);
+  return static_cast<int>(p.node >= 0 ? deck_.nodes[static_cast<std::size_t>(p.node)].id.label
+                                      : constraints_[static_cast<std::size_t>(p.constraint)].data->id.label);
+}
+
+std::string Model::equation_title(int k) const {
+  static constexpr std::array<const char*, 4> kEquations{"momentum definition", "momenta moment definition",
+                                                         "force equilibrium", "moment equilibrium"};
+  const Place p = place(k);
+  std::ostringstream out;
+  if (p.node >= 0) {
+    const NodeSlot& slot = slots_[static_cast<std::size_t>(p.node)];
+    out << kEquations[static_cast<std::size_t>(p.component / 3 + (slot.dynamic ? 0 : 2))] << " of node "
+        << deck_.nodes[static_cast<std::size_t>(p.node)].id.name << " along " << "xyz"[p.component % 3];
+    return out.str();
+  }
+  const ConstraintEntry& entry = constraints_[static_cast<std::size_t>(p.constraint)];
+  out << "constraint " << p.component + 1 << " of " << entry.constraint->size() << " of joint "
+      << joint_title(*entry.data);
+  return out.str();
+}
+
+std::string Model::equation_unit(int k) const {
+  static constexpr std::array<const char*, 4> kUnits{"kg m/s", "kg m^2/s", "N", "N m"};
+  const Place p = place(k);
+  if (p.node >= 0) {
+    const NodeSlot& slot = slots_[static_cast<std::size_t>(p.node)];
+    return kUnits[static_cast<std::size_t>(p.component / 3 + (slot.dynamic ? 0 : 2))];
+  }
+  const Constraint& constraint = *constraints_[static_cast<std::size_t>(p.constraint)].constraint;
+  const std::string unit = constraint.is_couple(p.component) ? "rad" : "m";
+  return constraint.velocity_level(p.component) ? unit + "/s" : unit;
+}
+
+}  // namespace mbdae

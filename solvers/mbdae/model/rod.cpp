@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/model/springs.h"
+
+namespace mbdae {
+
+Rod::Rod(const RodData& data, const NodeSlot& node1, const NodeSlot& node2)
+    : data_(data), node1_(node1), node2_(node2) {}
+
+Rod::Geometry Rod::geometry(const State& state) const {
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const NodeMotion& n2 = motion_of(state, node2_);
+  Geometry geo;
+  geo.f1 = n1.R * data_.f1;
+  geo.f2 = n2.R * data_.f2;
+  geo.u = n2.x + geo.f2 - n1.x - geo.f1;
+  geo.udot = n2.v + n2.w.cross(geo.f2) - n1.v - n1.w.cross(geo.f1);
+  geo.l = geo.u.norm();
+  geo.eps = geo.l / data_.L0 - 1.0;
+  geo.eps_rate = geo.u.dot(geo.udot) / (geo.l * data_.L0);
+  return geo;
+}
+
+Rod::Scalar Rod::law(double t, double eps, double eps_rate) const {
+  if (const auto* muscle = std::get_if<MuscleLaw>(&data_.law)) {
+    const MuscleValue value = evaluate(*muscle, t, eps, eps_rate);
+    return {value.force, value.stiffness, value.damping};
+  }
+  using Scalar1 = Eigen::Matrix<double, 1, 1>;
+  const Scalar1 strain(eps), rate(eps_rate);
+  const LawValue<1> value = std::holds_alternative<LinearLaw<1>>(data_.law)
+                                ? evaluate(std::get<LinearLaw<1>>(data_.law), t, strain, rate)
+                                : evaluate(std::get<CubicLaw<1>>(data_.law), t, strain, rate);
+  return {value.f(0), value.K(0), value.C(0)};
+}
+
+bool Rod::collapsed(const State& state) const { return geometry(state).l < 1e-12 * data_.L0; }
+
+Rod::Value Rod::value(const State& state) const {
+  const Geometry geo = geometry(state);
+  return {geo.l, law(state.t, geo.eps, geo.eps_rate).f};
+}
+
+MuscleValue Rod::muscle(const State& state) const {
+  const Geometry geo = geometry(state);
+  return evaluate(std::get<MuscleLaw>(data_.law), state.t, geo.eps, geo.eps_rate);
+}
+
+void Rod::add_activation_derivative(const State& state, Eigen::Ref<Eigen::VectorXd> column) const {
+  const Geometry geo = geometry(state);
+  const Vec3 F = geo.u * (muscle(state).by_activation / geo.l);
+  if (node1_.force >= 0) {
+    column.segment<3>(node1_.force) -= F;
+    column.segment<3>(node1_.force + 3) -= geo.f1.cross(F);
+  }
+  if (node2_.force >= 0) {
+    column.segment<3>(node2_.force) += F;
+    column.segment<3>(node2_.force + 3) += geo.f2.cross(F);
+  }
+}
+
+void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
+  const Geometry geo = geometry(state);
+  const auto [f, k, d] = law(state.t, geo.eps, geo.eps_rate);
+  const Vec3 n = geo.u / geo.l, F = f * n;
+  add_to_g(eq.g, node1_, -F, -geo.f1.cross(F));
+  add_to_g(eq.g, node2_, F, geo.f2.cross(F));
+  if (!tangent) return;
+
+  // dF = D_x du + D_v dudot
+  const double L0 = data_.L0;
+  const Mat3 D_v = (d / L0) * n * n.transpose();
+  Mat3 D_x = n * ((k / L0 - f / geo.l - d * geo.eps_rate / geo.l) * n + (d / (L0 * geo.l)) * geo.udot).transpose();
+  D_x.diagonal().array() += f / geo.l;
+
+  // du = dx2 - f2 x dphi2 - ..., dudot = dv2 - f2 x dw2 - w2 x (f2 x dphi2) - ...
+  const Vec3& w1 = motion_of(state, node1_).w;
+  const Vec3& w2 = motion_of(state, node2_).w;
+  const Mat3 f1x = skew(geo.f1), f2x = skew(geo.f2);
+  const Mat3 V1 = D_v * f1x, V2 = -D_v * f2x;
+  Mat3 G1 = D_x * f1x, G2 = -D_x * f2x;
+  if (d != 0.0) {
+    if (!w1.isZero(0.0)) G1 += D_v * skew_skew(w1, geo.f1);
+    if (!w2.isZero(0.0)) G2 -= D_v * skew_skew(w2, geo.f2);
+  }
+
+  // (force row sign, arm) of each end times (columns of x1, g1, x2, g2)
+  const NodeSlot* ends[2] = {&node1_, &node2_};
+  const Mat3* arms[2] = {&f1x, &f2x};
+  const double signs[2] = {-1.0, 1.0};
+  for (int i = 0; i < 2; ++i) {
+    const NodeSlot& row = *ends[i];
+    if (row.force < 0) continue;
+    const double s = signs[i];
+    const Mat3 arm = s * *arms[i];
+    add_block(eq.g_y, row.force, node1_.first, -s * D_x);
+    add_block(eq.g_y, row.force, rotation_column(node1_), s * G1);
+    add_block(eq.g_y, row.force, node2_.first, s * D_x);
+    add_block(eq.g_y, row.force, rotation_column(node2_), s * G2);
+    const Mat3 aD = arm * D_x;
+    add_block(eq.g_y, row.force + 3, node1_.first, -aD);
+    add_block(eq.g_y, row.force + 3, rotation_column(node1_), arm * G1);
+    add_block(eq.g_y, row.force + 3, node2_.first, aD);
+    add_block(eq.g_y, row.force + 3, rotation_column(node2_), arm * G2);
+    if (d != 0.0) {
+      add_block(eq.g_ydot, row.force, node1_.first, -s * D_v);
+      add_block(eq.g_ydot, row.force, rotation_column(node1_), s * V1);
+      add_block(eq.g_ydot, row.force, node2_.first, s * D_v);
+      add_block(eq.g_ydot, row.force, rotation_column(node2_), s * V2);
+      const Mat3 aV = arm * D_v;
+      add_block(eq.g_ydot, row.force + 3, node1_.first, -aV);
+      add_block(eq.g_ydot, row.force + 3, rotation_column(node1_), arm * V1);
+      add_block(eq.g_ydot, row.force + 3, node2_.first, aV);
+      add_block(eq.g_ydot, row.force + 3, rotation_column(node2_), arm * V2);
+    }
+    // the arm turns with its node
+    add_block(eq.g_y, row.force + 3, rotation_column(row), s * skew_skew(F, i == 0 ? geo.f1 : geo.f2));
+  }
+}
+
+}  // namespace mbdae

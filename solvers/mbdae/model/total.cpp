@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/model/total.h"
+
+namespace mbdae {
+
+namespace {
+constexpr std::array<TotalComponent, 3> kAll{TotalComponent::position, TotalComponent::position,
+                                             TotalComponent::position};
+constexpr std::array<TotalComponent, 3> kNone{TotalComponent::inactive, TotalComponent::inactive,
+                                              TotalComponent::inactive};
+}  // namespace
+
+// E = Rr^T R2 R2hr exp(Theta)^T = exp(theta): theta is the constraint.
+struct TotalConstraint::Relative {
+  Mat3 Rr;             // rotation frame in node 1, global
+  Vec3 Theta;          // imposed rotation vector
+  Mat3 E;
+  Vec3 theta;
+  Mat3 gamma_inverse;  // of theta
+};
+
+void TotalConstraint::add_rows(const std::array<TotalComponent, 3>& position,
+                               const std::array<TotalComponent, 3>& rotation) {
+  for (const bool rotational : {false, true}) {
+    for (int i = 0; i < 3; ++i) {
+      const TotalComponent component = (rotational ? rotation : position)[static_cast<std::size_t>(i)];
+      if (component == TotalComponent::inactive) continue;
+      const bool velocity = component == TotalComponent::velocity;
+      rows_.push_back({rotational, velocity, i});
+      if (rotational && !velocity) {
+        ++active_rotations_;
+        rotation_active_[static_cast<std::size_t>(i)] = true;
+      }
+    }
+  }
+  size_ = static_cast<int>(rows_.size());
+}
+
+TotalConstraint::TotalConstraint(const ClampData& data, const NodeSlot& node, int first)
+    : node2_(node), origin_(data.X), R1h_(Mat3::Identity()), R1hr_(Mat3::Identity()), R2hr_(data.R.transpose()) {
+  first_ = first;
+  add_rows(kAll, kAll);
+}
+
+TotalConstraint::TotalConstraint(const InLineData& data, const NodeSlot& node1, const NodeSlot& node2, int first)
+    : node1_(node1),
+      node2_(node2),
+      f2_(data.q),
+      origin_(data.Rv.transpose() * data.p),
+      R1h_(data.Rv),
+      R1hr_(Mat3::Identity()),
+      R2hr_(Mat3::Identity()) {
+  first_ = first;
+  add_rows({TotalComponent::position, TotalComponent::position, TotalComponent::inactive}, kNone);
+}
+
+TotalConstraint::TotalConstraint(const TotalJointData& data, const NodeSlot& node1, const NodeSlot& node2, int first)
+    : node1_(node1),
+      node2_(node2),
+      f2_(data.f2),
+      origin_(data.R1h.transpose() * data.f1),
+      R1h_(data.R1h),
+      R1hr_(data.R1hr),
+      R2hr_(data.R2hr),
+      position_drive_(data.position_drive),
+      rotation_drive_(data.rotation_drive) {
+  first_ = first;
+  add_rows(data.position, data.rotation);
+}
+
+TotalConstraint::TotalConstraint(const TotalPinData& data, const NodeSlot& node, int first)
+    : node2_(node),
+      f2_(data.fn),
+      origin_(data.Rch.transpose() * data.Xc),
+      R1h_(data.Rch),
+      R1hr_(data.Rchr),
+      R2hr_(data.Rnhr),
+      position_drive_(data.position_drive),
+      rotation_drive_(data.rotation_drive) {
+  first_ = first;
+  add_rows(data.position, data.rotation);
+}
+
+TotalConstraint::Relative TotalConstraint::relative_rotation(const State& state) const {
+  Relative r;
+  r.Rr = motion_of(state, node1_).R * R1hr_;
+  r.E = r.Rr.transpose() * motion_of(state, node2_).R * R2hr_;
+  r.Theta = free_rotation_;
+  if (!rotation_drive_.terms.empty()) {
+    const Vec3 drive = rotation_drive_.at(state.t);
+    for (int i = 0; i < 3; ++i) {
+      if (rotation_active_[static_cast<std::size_t>(i)]) r.Theta(i) = drive(i);
+    }
+  }
+  if (!r.Theta.isZero(0.0)) r.E *= rotation_exp(r.Theta).transpose();
+  r.theta = rotation_log(r.E);
+  r.gamma_inverse = rotation_gamma_inverse(r.theta);
+  return r;
+}
+
+void TotalConstraint::set_reference(const State& state) {
+  if (!partial_rotation()) return;
+  const Mat3 relative = (motion_of(state, node1_).R * R1hr_).transpose() * motion_of(state, node2_).R * R2hr_;
+  const Vec3 theta = rotation_log(relative);
+  for (int i = 0; i < 3; ++i) free_rotation_(i) = rotation_active_[static_cast<std::size_t>(i)] ? 0.0 : theta(i);
+}
+
+void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) const {
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const NodeMotion& n2 = motion_of(state, node2_);
+  const Mat3 R = n1.R * R1h_;
+  const Vec3 b2 = n2.R * f2_, b1 = n2.x + b2 - n1.x;
+  const Vec3 w21 = n2.w - n1.w;
+  const Vec3 u = n2.v + n2.w.cross(b2) - n1.v - n1.w.cross(b1);  // rate of b1 seen from node 1
+  const Vec3 imposed = position_drive_.at(state.t);
+  const int F1 = node1_.force, F2 = node2_.force, M1 = moment_row(node1_), M2 = moment_row(node2_);
+  const int x1 = node1_.first, x2 = node2_.first, g1 = rotation_column(node1_), g2 = rotation_column(node2_);
+
+  Relative rel;
+  Mat3 theta_rows;  // rows: derivative of theta with respect to the relative rotation
+  if (active_rotations_ > 0) {
+    rel = relative_rotation(state);
+    theta_rows = rel.gamma_inverse * rel.Rr.transpose();
+  } else {
+    rel.Rr = n1.R * R1hr_;
+  }
+
+  Vec3 F = Vec3::Zero(), M = Vec3::Zero();
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    const auto [rotation, velocity, i] = rows_[k];
+    const int row = first_ + static_cast<int>(k);
+    const double reaction = state.y(row);
+    if (!rotation) {
+      const Vec3 e = R.col(i), m1 = b1.cross(e), m2 = b2.cross(e);
+      F += reaction * e;
+      eq.g(row) += (velocity ? e.dot(u) : e.dot(b1) - origin_(i)) - imposed(i);
+      if (!tangent) continue;
+      Eigen::MatrixXd& rows = velocity ? eq.g_ydot : eq.g_y;
+      add_row(rows, row, x1, -e);
+      add_row(rows, row, g1, -m1);
+      add_row(rows, row, x2, e);
+      add_row(rows, row, g2, m2);
+      if (velocity) {
+        const Vec3 ew1 = e.cross(n1.w);
+        add_row(eq.g_y, row, x1, ew1);
+        add_row(eq.g_y, row, x2, -ew1);
+        add_row(eq.g_y, row, g1, e.cross(u));
+        add_row(eq.g_y, row, g2, b2.cross(e.cross(w21)));
+      }
+      add_column(eq.g_y, F1, row, -e);
+      add_column(eq.g_y, M1, row, -m1);
+      add_column(eq.g_y, F2, row, e);
+      add_column(eq.g_y, M2, row, m2);
+    } else {
+      const Vec3 e = rel.Rr.col(i);
+      M += reaction * e;
+      eq.g(row) += velocity ? e.dot(w21) - rotation_drive_.at(state.t)(i) : rel.theta(i);
+      if (!tangent) continue;
+      if (velocity) {
+        add_row(eq.g_ydot, row, g1, -e);
+        add_row(eq.g_ydot, row, g2, e);
+        add_row(eq.g_y, row, g1, e.cross(w21));
+      } else {
+        const Vec3 gradient = theta_rows.row(i);
+        add_row(eq.g_y, row, g1, -gradient);
+        add_row(eq.g_y, row, g2, gradient);
+      }
+      add_column(eq.g_y, M1, row, -e);
+      add_column(eq.g_y, M2, row, e);
+    }
+  }
+  add_to_g(eq.g, node1_, -F, -M - b1.cross(F));
+  add_to_g(eq.g, node2_, F, M + b2.cross(F));
+  if (!tangent) return;
+
+  if (x1 < 0) {  // frames fixed in the ground
+    add_block(eq.g_y, M2, g2, skew_skew(F, b2));
+    return;
+  }
+  const Mat3 Fx = skew(F), Mx = skew(M);
+  add_block(eq.g_y, F1, g1, Fx);
+  add_block(eq.g_y, F2, g1, -Fx);
+  add_block(eq.g_y, M1, x1, -Fx);
+  add_block(eq.g_y, M1, x2, Fx);
+  add_block(eq.g_y, M1, g1, skew_skew(b1, F) + Mx);
+  add_block(eq.g_y, M1, g2, -skew_skew(F, b2));
+  add_block(eq.g_y, M2, g1, -skew_skew(b2, F) - Mx);
+  add_block(eq.g_y, M2, g2, skew_skew(F, b2));
+}
+
+void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tangent) const {
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const NodeMotion& n2 = motion_of(state, node2_);
+  const Mat3 R = n1.R * R1h_;
+  const Vec3 b2 = n2.R * f2_, b1 = n2.x + b2 - n1.x;
+  const Vec3 b2dot = n2.w.cross(b2), b1dot = n2.v + b2dot - n1.v;
+  const Vec3 u = b1dot - n1.w.cross(b1), w21 = n2.w - n1.w;
+  const Vec3 udot = n2.w.cross(b2dot) - n1.w.cross(b1dot);  // with accelerations zero
+  const int x1 = node1_.first, x2 = node2_.first, g1 = rotation_column(node1_), g2 = rotation_column(node2_);
+
+  Vec3 theta_rate = Vec3::Zero(), theta_bias = Vec3::Zero();
+  Mat3 theta_by_phi1 = Mat3::Zero(), theta_by_phi2 = Mat3::Zero();
+  Mat3 Rr = n1.R * R1hr_;
+  if (active_rotations_ > 0) {
+    const Relative rel = relative_rotation(state);
+    Vec3 rate = rotation_drive_.at(state.t, 1), second = rotation_drive_.at(state.t, 2);
+    for (int i = 0; i < 3; ++i) {
+      if (!rotation_active_[static_cast<std::size_t>(i)]) rate(i) = second(i) = 0.0;
+    }
+    const Vec3 turning = rel.E * (rotation_gamma(rel.Theta) * rate);  // of exp(Theta), seen in the rotation frame
+    const Vec3 omega = Rr.transpose() * w21 - turning;
+    theta_rate = rel.gamma_inverse * omega;
+    const Mat3 by_theta = rotation_gamma_inverse_derivative(rel.theta, omega);
+    const Vec3 turning_rate =
+        omega.cross(turning) + rel.E * (rotation_gamma(rel.Theta) * second +
+                                        rotation_gamma_derivative(rel.Theta, rate) * rate);
+    theta_bias = rel.gamma_inverse * (Rr.transpose() * (-n1.w.cross(w21)) - turning_rate) + by_theta * theta_rate;
+    if (tangent) {
+      const Mat3 by_delta = rel.gamma_inverse * skew(turning) + by_theta * rel.gamma_inverse;
+      theta_by_phi2 = by_delta * Rr.transpose();
+      theta_by_phi1 = rel.gamma_inverse * Rr.transpose() * skew(w21) - theta_by_phi2;
+    }
+  }
+
+  const Vec3 drive_rate = position_drive_.at(state.t, 1), drive_second = position_drive_.at(state.t, 2);
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    const auto [rotation, velocity, i] = rows_[k];
+    const int row = first_ + static_cast<int>(k);
+    if (!rotation) {
+      const Vec3 e = R.col(i);
+      if (!velocity) out.rate(row) += e.dot(u) - drive_rate(i);
+      out.bias(row) += n1.w.cross(e).dot(u) + e.dot(udot) - (velocity ? drive_rate(i) : drive_second(i));
+      if (tangent) {
+        const Vec3 ew1 = e.cross(n1.w);
+        add_row(out.rate_q, row, x1, ew1);
+        add_row(out.rate_q, row, x2, -ew1);
+        add_row(out.rate_q, row, g1, e.cross(u));
+        add_row(out.rate_q, row, g2, b2.cross(e.cross(w21)));
+      }
+    } else if (velocity) {
+      const Vec3 e = Rr.col(i);
+      out.bias(row) += n1.w.cross(e).dot(w21) - rotation_drive_.at(state.t, 1)(i);
+      if (tangent) add_row(out.rate_q, row, g1, e.cross(w21));
+    } else {
+      out.rate(row) += theta_rate(i);
+      out.bias(row) += theta_bias(i);
+      if (tangent) {
+        add_row(out.rate_q, row, g1, theta_by_phi1.row(i));
+        add_row(out.rate_q, row, g2, theta_by_phi2.row(i));
+      }
+    }
+  }
+}
+
+Eigen::VectorXd TotalConstraint::drive_derivative(const State& state, int k) const {
+  Eigen::VectorXd column = Eigen::VectorXd::Zero(size_);
+  const Row& imposed = rows_[static_cast<std::size_t>(k)];
+  if (!imposed.rotation || imposed.velocity) {
+    column(k) = -1.0;
+    return column;
+  }
+  const Relative rel = relative_rotation(state);
+  const Vec3 by_drive = -(rel.gamma_inverse * (rel.E * rotation_gamma(rel.Theta).col(imposed.component)));
+  for (std::size_t j = 0; j < rows_.size(); ++j) {
+    if (rows_[j].rotation && !rows_[j].velocity) column(static_cast<int>(j)) = by_drive(rows_[j].component);
+  }
+  return column;
+}
+
+}  // namespace mbdae
