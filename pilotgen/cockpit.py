@@ -199,7 +199,11 @@ def make_cockpit(
     return Cockpit(
         torso={side: _shoulder(body, data, side, shift) for side in body.limbs},
         inceptors={
-            side: _collective(data["collective"], lever_length_m, position) if side == "left" else _cyclic(data["cyclic"])
+            side: (
+                _collective(data["collective"], lever_length_m, position)
+                if side == "left"
+                else _cyclic(data["cyclic"])
+            )
             for side in body.limbs
         },
         back_angle_deg=float(data["seat"]["back_angle_deg"]),

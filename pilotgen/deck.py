@@ -291,7 +291,7 @@ def render_posture(body: Body, cockpit: Cockpit, guess: PostureGuess) -> str:
 def _spring_constants() -> list[tuple[str, str, str]]:
     e = ergonomics()
     names = (
-        ("SHOULDER", "_X", "abduction"),
+        ("SHOULDER", "_X", "adduction"),
         ("SHOULDER", "_Y", "axial rotation"),
         ("SHOULDER", "_Z", "flexion"),
         ("ELBOW", "", "flexion"),

@@ -6,7 +6,7 @@ S p, orientations R become S R S with S = diag(1, 1, -1), and the joint angles h
 The seven coordinates of `JOINT_COORDINATES` are, in order [rad]:
 
 - shoulder_x, shoulder_y, shoulder_z: rotation vector of the humerus from its anatomical orientation, torso axes
-  (x abduction, y internal rotation, z flexion, each when the two others are small);
+  (x adduction, y internal rotation, z flexion, each when the two others are small);
 - elbow: flexion from the anatomical position, about the humero-ulnar hinge axis;
 - forearm: pronation from mid position (anatomical position = 90 deg of supination, -pi/2);
 - wrist_flexion, wrist_deviation: palmar flexion and ulnar deviation from the anatomical position.

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -42,7 +42,9 @@ from pilotgen.yamlfile import yaml_from_text
 _GUESS_ITERATIONS = 12
 _GUESS_STEP_RAD = 0.6  # longest Newton step
 _GUESS_CLOSED_M = 1e-4  # grip error with which the solver's Newton is at home
-_GUESS_SETTLED_RAD = 1e-3
+_GUESS_SETTLED_RAD = 3e-3
+_UPPER = np.triu(np.ones((7, 7)))
+_STRICTLY_LOWER = np.tril(np.ones((7, 7)), -1)
 
 ANGLE_NAMES: Mapping[str, str] = {
     "shoulder_flexion_deg": "shoulder flexion",
@@ -78,6 +80,8 @@ def ergonomics() -> Ergonomics:
     for i, name in enumerate(JOINT_COORDINATES):
         spring = data["springs"][name]
         low, high = ranges[range_of[name]]
+        if name == "shoulder_x":  # adduction is positive
+            low, high = -high, -low
         to_the_end = math.radians(min(spring["neutral_deg"] - low, high - spring["neutral_deg"]))
         neutral[i] = math.radians(spring["neutral_deg"])
         K1[i] = 1.0 / math.radians(spring["scale_deg"]) ** 2
@@ -191,7 +195,8 @@ def _two_link_start(geometry: ArmGeometry, torso: Pose, handle: Pose) -> np.ndar
 def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple[np.ndarray, ArmPose]:
     """Coordinates of a right arm with the least spring energy and the grip on the handle.
 
-    Newton's method on the Lagrangian, energy + multipliers . (grip - handle). The Hessian keeps the curvature of the grip's path (serial chain) and drops that of the grip's orientation.
+    Newton's method on the Lagrangian, energy + multipliers . (grip - handle). The Hessian keeps the curvature of the
+    grip's path (serial chain) and drops that of the grip's orientation.
     """
     e = ergonomics()
     K1, K3, k_grip = e.K1_Nm_per_rad, e.K3_Nm_per_rad3, e.grip_Nm_per_rad
@@ -210,14 +215,18 @@ def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple
         moment = K1 * stretch + K3 * stretch**3
         J[:3, :3] = rotation_vector_rate(shoulder) @ R_neutral.T
         tilt = rotation_vector(R_handle.T @ pose.poses["hand"][1] @ e.hand_handle)
-        J_tilt = rotation_vector_rate(tilt) @ R_handle.T @ pose.axes
-        curvature = _path_curvature(pose, multipliers)
+        rate = rotation_vector_rate(tilt) @ R_handle.T
+        J_tilt = rate @ pose.axes
+        couple = rate.T @ (k_grip * tilt)
+        # half of the couple's term: the couple turns half as fast as the hand (antisymmetric part of its own derivative)
+        curvature = _path_curvature(pose.axes, pose.arms, multipliers)
+        curvature += _path_curvature(pose.axes, pose.axes, 0.5 * couple)
         hessian = J.T @ ((K1 + 3.0 * K3 * stretch**2)[:, None] * J) + J_tilt.T @ (k_grip[:, None] * J_tilt)
         system[:7, :7] = hessian + curvature
         system[:7, 7:] = pose.arms.T
         system[7:, :7] = pose.arms
         gap = pose.grip - handle[0]
-        right[:7] = -(J.T @ moment + J_tilt.T @ (k_grip * tilt))
+        right[:7] = -(J.T @ moment + pose.axes.T @ couple)
         right[7:] = -gap
         solution = np.linalg.solve(system, right)
         step = solution[:7]
@@ -233,18 +242,33 @@ def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple
     return q, forward(geometry, q, torso)
 
 
-def _path_curvature(pose: ArmPose, multipliers: np.ndarray) -> np.ndarray:
-    """Second derivative (7, 7) of multipliers . grip: a_i . (arm_j x multipliers) for i proximal to j, symmetric."""
-    mx, my, mz = multipliers.tolist()
-    a = pose.arms
-    turned = np.stack((a[1] * mz - a[2] * my, a[2] * mx - a[0] * mz, a[0] * my - a[1] * mx))
-    path = pose.axes.T @ turned
-    curvature = np.triu(path) + np.triu(path, 1).T
+def _path_curvature(axes: np.ndarray, arms: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Second derivative (7, 7) of weights . (motion of the hand) along a serial chain, symmetric.
+
+    With i proximal to j it is a_i . (b_j x weights), b_j being what coordinate j moves: velocity of the grip (`arms`) or
+    angular velocity (`axes`).
+    """
+    wx, wy, wz = weights.tolist()
+    turned = np.stack((arms[1] * wz - arms[2] * wy, arms[2] * wx - arms[0] * wz, arms[0] * wy - arms[1] * wx))
+    path = axes.T @ turned
+    curvature = path * _UPPER + path.T * _STRICTLY_LOWER
     curvature[:3, :3] = 0.5 * (path[:3, :3] + path[:3, :3].T)
     return np.asarray(curvature)
 
 
 # ---- what the solver found -------------------------------------------------------------------------------------------
+
+
+class NodePose(Protocol):
+    """A node of a solver's reply: position (3,) [m], orientation (3, 3), columns = node axes."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """Global [m]."""
+
+    @property
+    def orientation(self) -> np.ndarray:
+        """Columns are the node's axes."""
 
 
 @dataclass(frozen=True)
@@ -273,20 +297,21 @@ class Posture:
         return angles
 
 
-def from_poses(body: Body, cockpit: Cockpit, nodes: Any) -> Posture:
+def from_poses(body: Body, cockpit: Cockpit, nodes: Mapping[str, NodePose | Pose]) -> Posture:
     """Joint angles of solved poses, checked against the ranges of motion.
 
     Parameters
     ----------
-    nodes : mapping or sequence
-        Node name -> (position, orientation), or the `nodes` list of a solver reply (docs/io_formats/serve.md).
+    nodes : mapping
+        Node name -> pose in world axes, as a pair or as the solver's reply has it. Nodes that are not the limbs' are
+        not looked at.
 
     Raises
     ------
     EvaluationError
         A joint outside its range of motion: joint, angle and limit.
     """
-    poses = _poses_by_name(nodes)
+    poses = {name: _pose(node) for name, node in nodes.items()}
     limits = ergonomics().range_deg
     angles_by_side: dict[str, dict[str, float]] = {}
     lengths = []
@@ -313,10 +338,8 @@ def from_poses(body: Body, cockpit: Cockpit, nodes: Any) -> Posture:
     )
 
 
-def _poses_by_name(nodes: Any) -> dict[str, Pose]:
-    if isinstance(nodes, Mapping):
-        return {name: (np.asarray(x, float), np.asarray(R, float)) for name, (x, R) in nodes.items()}
-    return {n["name"]: (np.array(n["position"], float), np.array(n["orientation"], float)) for n in nodes}
+def _pose(node: NodePose | Pose) -> Pose:
+    return node if isinstance(node, tuple) else (node.position, node.orientation)
 
 
 def joint_angles(geometry: ArmGeometry, poses: Mapping[str, Pose], torso: Pose) -> dict[str, float]:
