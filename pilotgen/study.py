@@ -43,7 +43,7 @@ MAYO_PRESETS: Mapping[str, Mapping[str, float]] = {  # Mayo (1989), as in Table 
 OBJECTIVES: Mapping[str, str] = {  # all are minimised: the search looks for the worst pilot
     "gain_margin_db": "gain margin [dB], negative if the closed loop is unstable, capped at 60 dB",
     "phase_margin_deg": "phase margin [deg], negative if the closed loop is unstable, capped at 180 deg",
-    "modulus_margin": "smallest distance of the loop from the critical point, min |1 + L| [-]",
+    "modulus_margin": "smallest distance of the loop from the critical point, min |1 + L| [-], negative if unstable",
 }
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ import numpy as np
 from pilotgen.study import SearchSettings
 
 # An infinite margin (no crossing) must be comparable: |margin| is capped for ranking, and only for ranking.
-# min |1 + L| <= 1 for every strictly proper loop, and never infinite.
+# min |1 + L| <= 1 for every strictly proper loop, and never infinite. The caps are those of pilotgen.margins.
 CAPS: Mapping[str, float] = {"gain_margin_db": 60.0, "phase_margin_deg": 180.0, "modulus_margin": math.inf}
 
 
@@ -71,13 +71,15 @@ def ranked_objectives(loop: Mapping[str, float | bool | None], objectives: tuple
     Returns
     -------
     list of float
-        Each margin limited to its cap in `CAPS`; a missing crossing counts as the cap, with the minus sign of an
-        unstable closed loop.
+        Each margin limited to its cap in `CAPS`, negative if the closed loop is unstable; a missing crossing counts as
+        the cap.
     """
     row: list[float] = []
     for name in objectives:
         cap = CAPS[name]
         value = loop[name]
         margin = (math.inf if loop["stable"] else -math.inf) if value is None else float(value)
+        if name == "modulus_margin" and not loop["stable"]:
+            margin = -margin  # a distance has no sign of its own; the farther inside the unstable region, the worse
         row.append(min(max(margin, -cap), cap))
     return row

@@ -147,8 +147,8 @@ MISTAKES = [
     (
         "sex: male",
         "sexe: male",
-        "s.yaml:6: pilot.sexe: key 'sexe' is not known here; did you mean 'sex'? known keys: model, washout_rad_s, sex, "
-        "task, projection, seat, activation_floor, matrix_coefficient_s, limbs, reflex",
+        "s.yaml:6: pilot.sexe: key 'sexe' is not known here; did you mean 'sex'? known keys: model, washout_rad_s, "
+        "sex, task, projection, seat, activation_floor, matrix_coefficient_s, limbs, reflex",
     ),
     ("sex: male", "sex: man", "s.yaml:6: pilot.sex = 'man' is not known; choose one of: male, female"),
     ("  sex: male\n", "", "s.yaml:4: key 'sex' is missing in 'pilot'; add it"),
@@ -173,8 +173,8 @@ MISTAKES = [
     (
         "[18, 30]",
         "[24, 24]",
-        "s.yaml:12: search.variables.bmi = [24, 24] has equal bounds; to hold a value fixed leave bmi out here and set it "
-        "in nominal",
+        "s.yaml:12: search.variables.bmi = [24, 24] has equal bounds; to hold a value fixed leave bmi out here and "
+        "set it in nominal",
     ),
     ("[18, 30]", "18", "s.yaml:12: search.variables.bmi = 18 must be a list of two bounds, [lower, upper]"),
     ("[18, 30]", "[18]", "s.yaml:12: search.variables.bmi = [18] must be a list of two bounds, [lower, upper]"),
