@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -22,19 +23,20 @@ from pilotgen.statespace import ComplexArray, FloatArray, StateSpaceModel
 BoolArray = npt.NDArray[np.bool_]
 
 _EPS = float(np.finfo(float).eps)
-_SPACING = 0.35  # grid spacing over distance to the nearest pole; interpolation error about spacing^4 / 16 of a residue
-_FIRST_ERROR = 0.02  # assumed interpolation error on the first grid, relative to the largest coefficient
+_SPACING = 0.25  # grid spacing over distance to the nearest pole; interpolation error about spacing^4 / 16 of a residue
+_FIRST_ERROR = 0.03  # assumed interpolation error on the first grid, relative to the largest coefficient
 _MAX_SPLITS = 16  # halvings; a touch that is undecided after so many is closer than _TOUCH
 _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| below this, is a touch
 _AXIS = 1e-10  # a pole this close to the imaginary axis, relative to its modulus, is on it
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
 _VANISHING = 1e-12  # a moment below this fraction of what its terms' moduli could give is zero
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
+_FAINT, _HUGE = 1e-10, 1e10  # |L| beyond which (200 dB) a crossing is of no interest and often round-off
 _MAX_NEWTON = 100
 _SMALL = 16  # states up to which inverting the n x n matrices in a batch beats substitution
 
+_NEAR_END = np.array([1.0 / 64.0, 1.0 / 8.0, 1.0 / 2.0])  # extra points of the first interval and of the tail
 _GUESS_POINTS = 33
-_GUESS_BASES: dict[int, FloatArray] = {}
 
 # |P|^2 of a cubic with Bernstein coefficients p has the degree-6 coefficients sum_ij SQUARE[i, j, k] p_i conj(p_j).
 _SQUARE = np.zeros((4, 4, 7))
@@ -153,15 +155,16 @@ def _bernstein(h: FloatArray, L0: ComplexArray, S0: ComplexArray, L1: ComplexArr
     return np.stack((L0, L0 + h * S0 / 3.0, L1 - h * S1 / 3.0, L1), axis=-1)
 
 
+@cache
+def _basis(degree: int) -> FloatArray:
+    """Bernstein polynomials on _GUESS_POINTS equidistant points of [0, 1], shape (degree + 1, points)."""
+    u = np.linspace(0.0, 1.0, _GUESS_POINTS)
+    return np.array([math.comb(degree, k) * u**k * (1.0 - u) ** (degree - k) for k in range(degree + 1)])
+
+
 def _bernstein_root(f: FloatArray) -> FloatArray:
     """Where in (0, 1) each row of Bernstein coefficients, shape (m, degree + 1), changes sign: a first guess."""
-    degree = f.shape[1] - 1
-    u = np.linspace(0.0, 1.0, _GUESS_POINTS)
-    basis = _GUESS_BASES.setdefault(
-        degree,
-        np.array([math.comb(degree, k) * u**k * (1.0 - u) ** (degree - k) for k in range(degree + 1)]),
-    )
-    values = f @ basis
+    values = f @ _basis(f.shape[1] - 1)
     j = np.argmax((values[:, 1:] >= 0.0) != (values[:, :1] >= 0.0), axis=1)
     rows = np.arange(f.shape[0])
     before, after = values[rows, j], values[rows, j + 1]
@@ -248,7 +251,12 @@ class _Search:
         self.top_pole = float(modulus.max())
         self.at_origin = modulus <= _AXIS * self.top_pole
         self.infinity = self._end_at_infinity()
-        self.zero = None if self.at_origin.any() else self._end_at_zero()
+        self.zero: _End | None = None
+        if not self.at_origin.any():
+            try:
+                self.zero = self._end_at_zero(np.linalg.inv(model.A))
+            except np.linalg.LinAlgError:  # singular: the eigenvalue at the origin came with round-off
+                self.at_origin[modulus.argmin()] = True
 
     def run(self) -> LocusFeatures:
         intervals = self._first_intervals()
@@ -267,10 +275,9 @@ class _Search:
 
     # The frequency axis
 
-    def _end_at_zero(self) -> _End | None:
+    def _end_at_zero(self, inverse: FloatArray) -> _End | None:
         """L = sum M_i s^i: M_0 = D - C A^-1 B, M_i = -C A^-(i+1) B."""
         model = self.model
-        inverse = np.linalg.inv(model.A)
         v, bound, size = model.B, np.abs(model.B), np.abs(inverse)
         found: float | None = None
         for i in range(model.n_states + 2):
@@ -337,18 +344,21 @@ class _Search:
         w, on_axis = self._grid()
         if on_axis.size:
             w = w[np.abs(w[:, None] - on_axis).min(axis=1) > 0.0]
+        if self.zero is not None:
+            w = np.concatenate(([0.0], _NEAR_END * w[1], w[1:]))
+        t = np.concatenate(([0.0], _NEAR_END, [1.0])) / w[-1]
+        x = np.concatenate((w, t))
+        tail = np.arange(x.size) >= w.size
         with np.errstate(all="ignore"):
-            L, S, _ = self.locus.first(w, np.zeros(w.size, dtype=bool))
-        if self.zero is not None and w[0] == 0.0:
+            L, S, _ = self.locus.first(x, tail)
+        if self.zero is not None:
             L[0], S[0] = self.zero.start()
-        end = self.infinity.start() if self.infinity is not None else (0j, 0j)
-        x0, x1 = np.append(w[:-1], 0.0), np.append(w[1:], 1.0 / w[-1])
-        L0, S0 = np.append(L[:-1], end[0]), np.append(S[:-1], end[1])
-        L1, S1 = np.append(L[1:], L[-1]), np.append(S[1:], -S[-1] * w[-1] ** 2)
-        tail = np.zeros(x0.size, dtype=bool)
-        tail[-1] = True
-        from_end = tail.copy()
-        from_end[0] = self.zero is not None
+        L[w.size], S[w.size] = self.infinity.start() if self.infinity is not None else (0j, 0j)
+        start = np.delete(np.arange(x.size - 1), w.size - 1)  # no interval from the last omega to the first t
+        stop = start + 1
+        x0, x1, tail = x[start], x[stop], tail[start]
+        L0, S0, L1, S1 = L[start], S[start], L[stop], S[stop]
+        from_end = x0 == 0.0
         size = np.maximum(np.abs(L0), np.abs(L1)) + (x1 - x0) * np.maximum(np.abs(S0), np.abs(S1)) / 3.0
         yes = np.ones(x0.size, dtype=bool)
         intervals = _Intervals(
@@ -369,7 +379,9 @@ class _Search:
         P = v.bernstein()
         axis, axis_error = P.imag.copy(), v.error.copy()
         biggest = np.abs(P).max(axis=1)
-        left = P.real.min(axis=1) <= v.error  # some of it may be in the left half plane
+        # Some of it may be in the left half plane, and of a size that counts.
+        left = (P.real.min(axis=1) <= v.error) & (biggest > _FAINT)
+        left &= np.minimum(np.abs(v.L0), np.abs(v.L1)) < _HUGE
         for i in np.nonzero(v.from_end)[0]:
             end = self._end_of(bool(v.tail[i]))
             left[i] = True
@@ -474,7 +486,7 @@ class _Search:
     def _ends(self) -> None:
         for omega, end in ((0.0, self.zero), (math.inf, self.infinity)):
             if end is not None and end.order == 0:
-                if end.K0 < 0.0:
+                if -_HUGE < end.K0 < -_FAINT:
                     self.found[_REAL_AXIS].append((omega, complex(end.K0)))
                 if abs(abs(end.K0) - 1.0) <= _TOUCH:
                     self.found[_UNIT_CIRCLE].append((omega, complex(end.K0)))
@@ -504,17 +516,20 @@ class _Search:
     # Polishing
 
     def _queue_minima(self, grid: _Samples) -> None:
-        for kind, (F, slope0, slope1, F1) in ((_NEAREST, grid.nearest()), (_DISK, grid.disk())):
-            v = grid.intervals
-            size0, size1 = np.abs(F), np.abs(F1)
-            best = min(float(np.nanmin(size0)), float(np.nanmin(size1)))
-            falling = (F.conj() * slope0).real < 0.0
-            rising = (F1.conj() * slope1).real > 0.0
-            reach = (v.x1 - v.x0) * np.maximum(np.abs(slope0), np.abs(slope1))
-            j = np.nonzero(falling & rising & (np.minimum(size0, size1) - reach <= best))[0]
-            start, stop = (F.conj() * slope0).real[j], (F1.conj() * slope1).real[j]
-            guess = v.x0[j] + (v.x1[j] - v.x0[j]) * start / (start - stop)
-            self.jobs.add(kind, v.x0[j], v.x1[j], guess, np.zeros(j.size, dtype=bool), v.tail[j])
+        v = grid.intervals
+        locus = v.bernstein() @ _basis(3)
+        step = (v.x1 - v.x0) / (_GUESS_POINTS - 1)
+        for kind, size in ((_NEAREST, _distance(locus)), (_DISK, _disk_size(locus))):
+            lowest = size.min(axis=1)
+            j = np.nonzero(lowest - np.minimum(v.error, 0.02 * lowest) <= lowest.min())[0]
+            at = size[j].argmin(axis=1)
+            a = v.x0[j] + step[j] * np.maximum(at - 3, 0)
+            b = np.minimum(v.x0[j] + step[j] * (at + 3), v.x1[j])
+            if kind == _NEAREST:  # the exact slopes at the ends tell more than the interpolant
+                inside = ((1.0 + v.L0[j].conj()) * v.S0[j]).real < 0.0
+                inside &= ((1.0 + v.L1[j].conj()) * v.S1[j]).real > 0.0
+                a, b = np.where(inside, v.x0[j], a), np.where(inside, v.x1[j], b)
+            self.jobs.add(kind, a, b, v.x0[j] + step[j] * at, np.zeros(j.size, dtype=bool), v.tail[j])
 
     def _polish_all(self, grid: _Samples) -> tuple[Points, Points]:
         minima: dict[int, list[tuple[float, complex]]] = {_NEAREST: [], _DISK: []}
@@ -589,7 +604,7 @@ class _Search:
         return x.tolist(), L.tolist(), size.tolist()
 
     def _keep(self, kind: int, x: float, tail: bool, L: complex) -> None:
-        if kind == _UNIT_CIRCLE or L.real < 0.0:
+        if kind == _UNIT_CIRCLE or -_HUGE < L.real < -_FAINT:
             self.found[kind].append((_omega(x, tail), L))
 
     def _points(self, kind: int) -> Points:
@@ -607,16 +622,6 @@ class _Samples:
 
     def __init__(self, intervals: _Intervals) -> None:
         self.intervals = intervals
-
-    def nearest(self) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
-        v = self.intervals
-        return 1.0 + v.L0, v.S0, v.S1, 1.0 + v.L1
-
-    def disk(self) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
-        v = self.intervals
-        with np.errstate(all="ignore"):
-            u0, u1 = 1.0 / (1.0 - v.L0), 1.0 / (1.0 - v.L1)
-            return (1.0 + v.L0) * u0, 2.0 * v.S0 * u0 * u0, 2.0 * v.S1 * u1 * u1, (1.0 + v.L1) * u1
 
     def best(self, polished: list[tuple[float, complex]], size: Callable[[ComplexArray], FloatArray]) -> Points:
         v = self.intervals
@@ -638,4 +643,4 @@ def _distance(L: ComplexArray) -> FloatArray:
 
 
 def _disk_size(L: ComplexArray) -> FloatArray:
-    return np.abs(1.0 + L) / np.abs(1.0 - L)
+    return np.abs(1.0 + L) / np.maximum(np.abs(1.0 - L), _EPS)

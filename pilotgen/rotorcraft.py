@@ -213,6 +213,7 @@ def rotorcraft_report(rotorcraft: str | Mapping[str, Any], out_dir: str | Path |
 def _bode_figure(model: Any, out_dir: Path) -> Path:
     import numpy as np
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
 
     frequency = np.geomspace(0.01, 20.0, 600)
     response = model.response(2.0 * np.pi * frequency)
@@ -224,8 +225,7 @@ def _bode_figure(model: Any, out_dir: Path) -> Path:
     phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(response))), color="C0")
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("frequency [Hz]")
-    phase.set_yticks(np.arange(-180.0, 181.0, 45.0))
-    phase.set_ylim(-105.0, 105.0)
+    phase.yaxis.set_major_locator(MultipleLocator(45.0))
     coning = max(model.poles, key=lambda p: p.imag)
     for axes in (gain, phase):
         axes.grid(True, which="both", linewidth=0.4, alpha=0.5)

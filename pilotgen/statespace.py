@@ -90,9 +90,10 @@ class StateSpaceModel:
         if n == 0:
             empty = np.zeros(0, dtype=complex)
             return SchurForm(np.zeros((0, 0), dtype=complex), empty, empty)
-        A, (scale, _) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
+        # The permutation brings out integrators and other isolated poles exactly; powers of two scale the rest.
+        A, S = scipy.linalg.matrix_balance(self.A)
         T, U = scipy.linalg.schur(A, output="complex", check_finite=False)
-        return SchurForm(T, U.conj().T @ (self.B / scale), (self.C * scale) @ U)
+        return SchurForm(T, U.conj().T @ ((self.B @ S) / (S * S).sum(axis=0)), (self.C @ S) @ U)
 
     @cached_property
     def poles(self) -> ComplexArray:
