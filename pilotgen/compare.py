@@ -17,6 +17,7 @@ from pilotgen.matrices import Matrices, descriptor, read_matrices
 from pilotgen.mbdyn_files import read_mbdyn
 from pilotgen.modal import Complexes, ModalModel, modes
 
+_OUR_SUFFIXES, _MBDYN_SUFFIXES = (".h5", ".hdf5"), (".nc", ".m")
 MOST_SHOWN = 5  # entries of each matrix that a message names
 
 
@@ -87,13 +88,8 @@ class Comparison:
 
 
 def read_any(path: str | os.PathLike[str], layout: Matrices | None = None) -> Matrices:
-    """Read a matrices file of either solver: `.h5` ours, `.nc` and `.m` MBDyn's (`layout` as in `read_mbdyn`)."""
-    suffix = Path(path).suffix
-    if suffix in (".h5", ".hdf5"):
-        return read_matrices(path)
-    if suffix in (".nc", ".m"):
-        return read_mbdyn(path, layout)
-    raise FileError(f"{os.fspath(path)}: expected a matrices file: .h5 of mbdae, .nc or .m of MBDyn")
+    """Read a matrices file of either solver, by its suffix: `.h5` ours, else MBDyn's (`layout` as in `read_mbdyn`)."""
+    return read_matrices(path) if Path(path).suffix in _OUR_SUFFIXES else read_mbdyn(path, layout)
 
 
 def compare(a: Matrices, b: Matrices, tolerance: float = 1e-9) -> Comparison:
@@ -138,7 +134,10 @@ def run_compare(
 
     When one file is ours and the other MBDyn's, ours lends the names and tells velocity constraints from holonomic ones.
     """
-    own = [Path(path).suffix in (".h5", ".hdf5") for path in (path_a, path_b)]
+    for path in (path_a, path_b):
+        if Path(path).suffix not in (*_OUR_SUFFIXES, *_MBDYN_SUFFIXES):
+            raise FileError(f"{os.fspath(path)}: expected a matrices file: .h5 of mbdae, .nc or .m of MBDyn")
+    own = [Path(path).suffix in _OUR_SUFFIXES for path in (path_a, path_b)]
     if own[1] and not own[0]:
         b = read_any(path_b)
         a = read_any(path_a, layout=b)

@@ -1,0 +1,114 @@
+"""The golden arm: one arm on a collective lever, 25 reflexive muscles, linearised by MBDyn.
+
+Matrices: MBDyn develop (2025-06) on the deck stored in the case, 17 digits, c = 0.01 s. Numbers: measured on those matrices
+and on an independent model in two minimal coordinates (10 joint coordinates, 8 constraints solved exactly, stiffness and
+damping by differences of its own residual), which agree to 1e-12.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from linear_models import ARM_CHANNELS, ARM_LEVER_LENGTH_M, CASES, case, dense_eigenvalues, sort
+from numpy.testing import assert_allclose
+
+from pilotgen.feedthrough import certificate, full_order_response, make_pilot_model, split
+from pilotgen.matrices import descriptor
+from pilotgen.modal import modes
+from pilotgen.pilot_model import PilotModel
+
+HZ = np.array([0.5, 1.0, 2.0, 3.0, 3.5, 5.0, 8.0])
+# grip arc = lever length x |H| [mm per m/s^2] and phase [deg]
+FULL_ORDER_MM = [0.719566, 0.767238, 1.024649, 1.672670, 1.575695, 0.502453, 0.143265]
+FULL_ORDER_DEG = [176.30, 172.09, 158.49, 116.89, 76.83, 25.75, 11.59]
+LITERAL_MM = [31.7667, 8.5227, 2.9181, 2.2015, 1.5586, 0.2604, 0.0345]
+LITERAL_DEG = [179.9, 179.3, 172.6, 137.3, 100.1, 56.9, 56.5]
+
+
+def model(name: str = "arm_right", projection: str = "exact") -> PilotModel:
+    """The arm's feedthrough without washout."""
+    return make_pilot_model(case(name), ARM_LEVER_LENGTH_M, None, projection, ARM_CHANNELS)
+
+
+def test_poles() -> None:
+    frequency, damping = np.array([list(pole.values()) for pole in model().pole_list()]).T
+    assert_allclose(frequency, [3.342573, 4.694728], atol=1e-6)
+    assert_allclose(100.0 * damping, [20.886, 38.246], atol=5.5e-4)
+
+
+def test_poles_of_the_in_line_variant() -> None:
+    frequency, damping = np.array([list(pole.values()) for pole in model("arm_inline").pole_list()]).T
+    assert_allclose(frequency, [3.36985, 4.76090], atol=5.5e-6)
+    assert_allclose(100.0 * damping, [20.575, 37.815], atol=5.5e-4)
+
+
+def test_feedthrough_has_the_printed_digits() -> None:
+    motion = model().grip_motion(2.0 * np.pi * HZ)
+    assert_allclose(1e3 * np.abs(motion), FULL_ORDER_MM, atol=6e-7)
+    assert_allclose(np.degrees(np.angle(motion)), FULL_ORDER_DEG, atol=6e-3)
+
+
+def test_literal_formula_has_the_printed_digits() -> None:
+    motion = model(projection="literal").grip_motion(2.0 * np.pi * HZ)
+    assert_allclose(1e3 * np.abs(motion), LITERAL_MM, atol=6e-5)
+    assert_allclose(np.degrees(np.angle(motion)), LITERAL_DEG, atol=6e-2)
+
+
+def test_modal_form_is_the_full_order_response() -> None:
+    """Against all 88 unknowns solved as they stand, momenta and reactions included."""
+    arm = model()
+    plant = split(descriptor(case("arm_right")), ARM_CHANNELS)
+    assert len(plant.free.names) == 88
+    for hz in np.geomspace(0.1, 20.0, 50):
+        s = 2j * np.pi * hz
+        solution = np.linalg.solve(
+            s * plant.free.g_ydot + plant.free.g_y, -(s * plant.g_ydot_imposed + plant.g_y_imposed)
+        )
+        assert_allclose(plant.output_matrix @ solution / s**2, arm.response(2.0 * np.pi * hz), rtol=2e-9)
+    assert_allclose(full_order_response(plant, 2.0 * np.pi * HZ)[:, 0], arm.response(2.0 * np.pi * HZ), rtol=1e-11)
+    assert certificate(arm) < 1e-9
+    assert arm.translation_error is not None and arm.translation_error < 1e-12
+
+
+def test_residues() -> None:
+    """Modal residues in lever rotation: 0.02387 of the low pair against 0.00044."""
+    arm = model()
+    assert arm.residues is not None
+    assert_allclose(np.abs(arm.residues[0])[::2], [0.02387, 0.00044], atol=5e-6)
+    assert arm.dominant_pair()[0] == pytest.approx(3.342573, abs=1e-6)
+
+
+def test_full_pencil_by_qz() -> None:
+    free = split(descriptor(case("arm_right")), ARM_CHANNELS).free
+    modal = modes(free)
+    assert len(modal.lam) == 4 and modal.n_zero == 0 and modal.n_infinite == 0
+    assert_allclose(dense_eigenvalues(free, largest=200.0), sort(modal.lam), rtol=1e-7)
+
+
+def test_cayley_pair() -> None:
+    """(Lam J(c) - J(-c)) Y = 0, lam = (1/c)(Lam-1)/(Lam+1); with the printed plus sign 1/(c^2 lam) comes out instead."""
+    matrices = case("arm_right")
+    lam = sort(modes(descriptor(matrices)).lam)
+    c = matrices.c
+    for sign in (-1.0, 1.0):
+        with np.errstate(all="ignore"):
+            Lam = scipy.linalg.eigvals(-sign * matrices.J_minus, matrices.J_plus)
+            recovered = (Lam - 1.0) / (Lam + 1.0) / c
+            found = recovered if sign < 0.0 else 1.0 / (c**2 * recovered)
+        found = found[np.isfinite(found)]
+        nearest = np.array([found[np.argmin(np.abs(found - value))] for value in lam])
+        assert_allclose(nearest, lam, rtol=1e-7)
+
+
+def test_count_of_mbdyn_s_own_eigenvalues() -> None:
+    """68 at +1 (two per constraint of the five bodies, twelve of the clamped seat), 28 at -1, 4 physical."""
+    alpha_re, alpha_im, beta = np.load(CASES / "arm_right.npz")["alpha"].T
+    Lam = (alpha_re + 1j * alpha_im) / beta
+    at_plus, at_minus = np.abs(Lam - 1.0) < 1e-3, np.abs(Lam + 1.0) < 1e-3
+    assert (at_plus.sum(), at_minus.sum(), (~at_plus & ~at_minus).sum()) == (68, 28, 4)
+    physical = Lam[~at_plus & ~at_minus]
+    lam = (physical - 1.0) / (physical + 1.0) / 0.01
+    assert_allclose(sort(lam), sort(modes(descriptor(case("arm_right"))).lam), rtol=1e-8)
