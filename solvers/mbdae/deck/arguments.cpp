@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/deck/arguments.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "mbdae/deck/source.h"
+
+namespace mbdae::reading {
+namespace {
+
+constexpr std::size_t kDeepestInclude = 32;
+constexpr std::size_t kMostCharacters = std::size_t{256} << 20;  // of a deck with all its includes, 256 MiB
+constexpr std::size_t kLongestKeyword = 64;
+
+void append_lower(std::string_view word, std::string* text) {
+  for (const char c : word) *text += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+}
+
+}  // namespace
+
+void Input::open(std::string text, const std::string& name) { push(std::move(text), name, canonical_name(name)); }
+
+void Input::push(std::string text, const std::string& name, std::string canonical) {
+  const int file = diagnostics_.add_file(name);
+  characters_read_ += text.size();
+  auto source = std::make_unique<Source>(
+      Source{std::move(text), name, std::move(canonical), TokenStream(Lexer(std::string_view(), file))});
+  std::string_view view = source->text;
+  if (view.substr(0, 3) == "\xef\xbb\xbf") view.remove_prefix(3);  // byte order mark
+  source->tokens = TokenStream(Lexer(view, file));
+  sources_.push_back(std::move(source));
+  words_known_ = false;
+}
+
+void Input::next_token() {
+  tokens().take();
+  words_known_ = false;
+}
+
+bool Input::scan_words(std::string* text) {
+  const Token& first = tokens().peek();
+  if (first.kind != TokenKind::word) return false;
+  text->clear();
+  append_lower(first.text, text);
+  Lexer lexer = tokens().ahead();
+  Token token = lexer.next();
+  while (token.kind == TokenKind::word && text->size() <= kLongestKeyword) {
+    append_lower(token.text, text);
+    token = lexer.next();
+  }
+  return token.is(",") || token.is(";") || token.is(":") || token.kind == TokenKind::end;
+}
+
+std::optional<Words> Input::next_card() {
+  while (true) {
+    const Token token = tokens().peek();
+    card_position_ = token.where;
+    if (token.kind == TokenKind::end) {
+      if (sources_.size() == 1) return std::nullopt;
+      sources_.pop_back();
+      words_known_ = false;
+      continue;
+    }
+    if (token.is(";")) {  // an empty card
+      next_token();
+      continue;
+    }
+    std::string text;
+    if (token.kind != TokenKind::word) fail(token.where, "found " + described(token) + ", expected a card");
+    scan_words(&text);
+    while (tokens().peek().kind == TokenKind::word) next_token();
+    card_has_arguments_ = tokens().peek().is(":");
+    after_comma_ = false;
+    if (card_has_arguments_) {
+      next_token();
+    } else if (!tokens().peek().is(";")) {
+      fail(tokens().peek().where,
+           "found " + described(tokens().peek()) + " after the card name " + quoted(text) + ", expected `:` or `;`");
+    }
+    return Words{text, token.where};
+  }
+}
+
+bool Input::more() {
+  const Token& token = tokens().peek();
+  if (token.kind == TokenKind::end) fail(token.where, "the file ends inside a card, expected `;`");
+  return !token.is(";");
+}
+
+void Input::end_card() {
+  const Token token = tokens().peek();
+  if (after_comma_ && token.is(";")) fail(token.where, "found `;` after a comma, expected another argument");
+  if (!token.is(";")) fail(token.where, "found " + described(token) + ", expected `;`");
+  next_token();
+}
+
+void Input::skip_card() {
+  // A card starts with words and a colon (or is words and `;`); nothing inside a card looks like that.
+  std::string text;
+  const auto card_here = [this, &text](bool after_semicolon) {
+    if (tokens().peek().kind == TokenKind::end) return true;
+    if (tokens().peek().kind != TokenKind::word) return false;
+    Lexer lexer = tokens().ahead();
+    Token token = lexer.next();
+    for (int i = 0; i < 8 && token.kind == TokenKind::word; ++i) token = lexer.next();
+    return token.is(":") || (after_semicolon && token.is(";"));
+  };
+  bool after_semicolon = false;
+  // Past the card's own name when the error stands on it.
+  const SourcePosition here = tokens().peek().where;
+  if (here.file == card_position_.file && here.line == card_position_.line && here.column == card_position_.column &&
+      tokens().peek().kind != TokenKind::end) {
+    after_semicolon = tokens().peek().is(";");
+    next_token();
+  }
+  while (!card_here(after_semicolon)) {
+    after_semicolon = tokens().peek().is(";");
+    next_token();
+  }
+  words_known_ = false;
+}
+
+void Input::ignore_arguments() {
+  while (more()) {
+    if (take_empty() || take_string()) continue;
+    if (peek_words()) {
+      while (tokens().peek().kind == TokenKind::word) next_token();
+      end_argument();
+    } else {
+      expression("an argument", nullptr);
+    }
+  }
+}
+
+void Input::include() {
+  const SourcePosition where = this->where();
+  const std::string name = string("a file name in quotes");
+  end_card();
+  const std::string path = relative_to(sources_.back()->name, name);
+  std::string canonical = canonical_name(path);
+  for (const auto& source : sources_) {
+    if (source->canonical == canonical) fail(where, "include loop: " + quoted(path) + " is being read already");
+  }
+  if (sources_.size() > kDeepestInclude) {
+    fail(where, "includes nested deeper than " + std::to_string(kDeepestInclude) + " files");
+  }
+  std::string text, problem;
+  if (!load_text(path, &text, &problem)) fail(where, "cannot include " + quoted(path) + ": " + problem);
+  if (characters_read_ + text.size() > kMostCharacters) {
+    fail(where, "the deck and its includes are larger than 256 MiB together");
+  }
+  push(std::move(text), path, std::move(canonical));
+}
+
+void Input::set() {
+  const std::size_t before = symbols_->size();
+  expression_.clear();
+  ExpressionParser parser(tokens(), *symbols_, diagnostics_, expression_, false);
+  words_known_ = false;
+  try {
+    need("a declaration (`real A = 1.`) or an assignment (`A = 2.`)");
+    parser.parse_statement();
+    end_card();
+    evaluated(expression_);
+  } catch (const Reported&) {
+    forget_new_symbols(before, parser.declared());
+    throw;
+  }
+}
+
+void Input::forget_new_symbols(std::size_t before, const std::string& declared) {
+  for (std::size_t i = before; i < symbols_->size(); ++i) (*symbols_)[static_cast<std::uint32_t>(i)].broken = true;
+  if (!declared.empty() && !symbols_->find(declared)) {
+    Variable variable;
+    variable.name = declared;
+    variable.broken = true;
+    symbols_->add(std::move(variable));
+  }
+}
+
+Value<double> Input::evaluated(const Expression& expression) {
+  try {
+    return evaluate(expression, state_);
+  } catch (const EvaluationError& error) {
+    fail(error.where, error.message);
+  } catch (const BrokenVariable&) {
+    throw Reported{};
+  }
+}
+
+void Input::end_argument() {
+  words_known_ = false;
+  const Token& token = tokens().peek();
+  after_comma_ = token.is(",");
+  if (after_comma_) {
+    next_token();
+  } else if (token.kind == TokenKind::end) {
+    fail(token.where, "the file ends inside a card, expected `;`");
+  } else if (!token.is(";")) {
+    fail(token.where, "found " + described(token) + ", expected `,` or `;`");
+  }
+}
+
+void Input::need(const std::string& what) {
+  if (!more()) fail(where(), "the card ends here, expected " + what);
+}
+
+bool Input::take_empty() {
+  if (!tokens().peek().is(",")) return false;
+  end_argument();
+  return true;
+}
+
+std::optional<Words> Input::peek_words() {
+  if (!words_known_) {
+    words_found_ = scan_words(&words_);
+    words_known_ = true;
+  }
+  if (!words_found_) return std::nullopt;
+  return Words{words_, where()};
+}
+
+bool Input::take(std::string_view keyword) {
+  if (!words_known_) {
+    words_found_ = scan_words(&words_);
+    words_known_ = true;
+  }
+  if (!words_found_ || !same_words(words_, keyword)) return false;
+  while (tokens().peek().kind == TokenKind::word) tokens().take();
+  end_argument();
+  return true;
+}
+
+int Input::take_any(Choices choices) {
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (take(choices[i])) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+int Input::keyword(Choices choices, const char* what) {
+  need(std::string("a ") + what + ": " + joined(choices));
+  const int found = take_any(choices);
+  if (found >= 0) return found;
+  const std::optional<Words> words = peek_words();
+  const Token& token = tokens().peek();
+  if (!words) fail(token.where, "found " + described(token) + ", expected a " + what + ": " + joined(choices));
+  fail(token.where, std::string("unknown ") + what + " " + quoted(words->text) + ", expected: " + joined(choices) +
+                        suggestion(words->text, choices));
+}
+
+void Input::require(const char* keyword) {
+  need(quoted(keyword));
+  if (take(keyword)) return;
+  const Token& token = tokens().peek();
+  const std::optional<Words> words = peek_words();
+  const char* const choices[] = {keyword};
+  fail(token.where, "found " + (words ? quoted(words->text) : described(token)) + ", expected " + quoted(keyword) +
+                        (words ? suggestion(words->text, choices) : ""));
+}
+
+Value<double> Input::expression(const char* what, Label* label) {
+  need(what);
+  const Token first = tokens().peek();
+  if (first.kind == TokenKind::symbol && !first.is("(") && !first.is("-") && !first.is("+") && !first.is("!")) {
+    fail(first.where, "found " + described(first) + ", expected " + what);
+  }
+  const std::size_t before = symbols_->size();
+  expression_.clear();
+  ExpressionParser parser(tokens(), *symbols_, diagnostics_, expression_, false);
+  words_known_ = false;
+  try {
+    const bool word = first.kind == TokenKind::word;
+    if (word && !symbols_->find(first.text)) {
+      // A word nobody knows, alone or in a row: more likely a keyword out of place than a variable.
+      const std::optional<Words> words = peek_words();
+      if (words && words->text.size() != first.text.size()) {
+        fail(first.where, "found " + quoted(words->text) + ", expected " + what);
+      }
+    }
+    parser.parse_expression();
+    Value<double> value = evaluated(expression_);
+    if (label != nullptr) {
+      const ExpressionNode& root = expression_.nodes[static_cast<std::size_t>(expression_.root)];
+      if (root.op == Op::variable) append_lower((*symbols_)[root.index].name, &label->constant);
+    }
+    end_argument();
+    return value;
+  } catch (const Reported&) {
+    forget_new_symbols(before, "");
+    throw;
+  }
+}
+
+double Input::real(const char* what) {
+  if (take_empty()) return 0.0;
+  const SourcePosition where = this->where();
+  const Value<double> value = expression(what, nullptr);
+  if (value.type == Type::string) fail(where, "found the string " + quoted(value.text) + ", expected " + what);
+  return value.type == Type::real ? value.real : static_cast<double>(value.integer);
+}
+
+double Input::positive(const char* what) {
+  const SourcePosition where = this->where();
+  const double value = real(what);
+  if (!(value > 0.0)) fail(where, "found " + number_text(value) + ", expected " + what + " greater than zero");
+  return value;
+}
+
+std::int64_t Input::integer(const char* what) {
+  const SourcePosition where = this->where();
+  const Value<double> value = expression(what, nullptr);
+  if (value.type != Type::integer && value.type != Type::boolean) {
+    fail(where, std::string("found a ") + type_name(value.type) + " number, expected " + what + " (an integer)");
+  }
+  return value.integer;
+}
+
+Label Input::label(const char* what) {
+  Label label;
+  label.where = where();
+  const Value<double> value = expression(what, &label);
+  if (value.type != Type::integer) {
+    fail(label.where, std::string("found a ") + type_name(value.type) + ", expected " + what + " (an integer)");
+  }
+  if (value.integer < 0)
+    fail(label.where, "found " + std::to_string(value.integer) + ", expected " + what + " from 0 on");
+  label.value = static_cast<std::uint32_t>(value.integer);
+  return label;
+}
+
+bool Input::yes_no() {
+  static constexpr const char* kChoices[] = {"yes", "no"};
+  if (const auto words = peek_words(); !words || (!words->is("yes") && !words->is("no"))) {
+    if (!words || symbols_->find(tokens().peek().text)) return boolean("yes or no");
+  }
+  return keyword(kChoices, "choice") == 0;
+}
+
+bool Input::boolean(const char* what) {
+  const SourcePosition where = this->where();
+  const Value<double> value = expression(what, nullptr);
+  if (value.type != Type::integer && value.type != Type::boolean) {
+    fail(where, std::string("found a ") + type_name(value.type) + ", expected " + what);
+  }
+  return value.integer != 0;
+}
+
+std::optional<std::string> Input::take_string() {
+  const Token token = tokens().peek();
+  if (token.kind != TokenKind::string) return std::nullopt;
+  next_token();
+  end_argument();
+  return unescaped(token.text);
+}
+
+std::string Input::string(const char* what) {
+  need(what);
+  if (auto text = take_string()) return *std::move(text);
+  fail(where(), "found " + described(tokens().peek()) + ", expected " + what);
+}
+
+std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double check_time) {
+  need("an expression in quotes");
+  const Token token = tokens().peek();
+  if (token.kind != TokenKind::string)
+    fail(token.where, "found " + described(token) + ", expected an expression in quotes");
+  // White space inside the quotes does not count, not even between letters.
+  std::string text;
+  for (const char c : unescaped(token.text)) {
+    if (std::isspace(static_cast<unsigned char>(c)) == 0) text += c;
+  }
+  Diagnostics inner;  // positions inside the string mean nothing to the reader: tell the string's own
+  TokenStream stream(Lexer(text, 0, false));
+  Expression expression;
+  const auto complaint = [&](const SourcePosition& where, const std::string& message) {
+    fail(token.where,
+         "in the string, at character " + std::to_string(where.column) + " (blanks not counted): " + message);
+  };
+  try {
+    ExpressionParser parser(stream, *symbols_, inner, expression, true);
+    parser.parse_expression();
+    const Token& rest = stream.peek();
+    if (rest.kind != TokenKind::end)
+      inner.fail(rest.where, "found " + described(rest) + ", expected the end of the string");
+  } catch (const Reported&) {
+    const std::vector<Diagnostic> messages = inner.take();
+    if (messages.empty()) throw;
+    complaint({0, 1, messages.front().column}, messages.front().message);
+  }
+  next_token();
+  end_argument();
+  auto drive = std::make_shared<const StringDrive>(std::move(expression), symbols_, time_step);
+  try {
+    drive->checked(check_time);
+  } catch (const EvaluationError& error) {
+    complaint(error.where, error.message + " (at time " + number_text(check_time) + " s)");
+  } catch (const BrokenVariable&) {
+    throw Reported{};
+  }
+  return drive;
+}
+
+}  // namespace mbdae::reading

@@ -1,0 +1,137 @@
+// The cards of a deck and their arguments: keywords, numbers, labels, strings; include files; recovery after errors.
+//
+// Every reading function stands at the start of an argument when called and leaves at the start of the next one.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "mbdae/deck/diagnostic.h"
+#include "mbdae/deck/evaluate.h"
+#include "mbdae/deck/expression.h"
+#include "mbdae/deck/lexer.h"
+
+namespace mbdae::reading {
+
+/// A run of words in lower case without blanks, as keywords are compared.
+struct Words {
+  std::string text;
+  SourcePosition where;
+  bool is(std::string_view keyword) const { return same_words(text, keyword); }
+};
+
+/// A label as it was written.
+struct Label {
+  std::uint32_t value = 0;
+  std::string constant;  ///< lower-case name when written as a single named constant, otherwise ""
+  SourcePosition where;
+};
+
+class Input {
+ public:
+  explicit Input(Diagnostics& diagnostics) : diagnostics_(diagnostics), symbols_(std::make_shared<Symbols>()) {
+    state_.symbols = symbols_.get();
+  }
+
+  // ---- files
+  /// Opens the deck itself. `text` is moved in.
+  void open(std::string text, const std::string& name);
+
+  // ---- cards
+  /// The next card's words, with includes entered and left on the way; nullopt at the end of the deck.
+  /// Afterwards the input stands at its first argument.
+  std::optional<Words> next_card();
+  /// The card must end here; takes its `;`.
+  void end_card();
+  /// After an error: goes on to what looks like the next card.
+  void skip_card();
+  /// Reads what is left of a card that has no effect; its expressions must still make sense.
+  void ignore_arguments();
+  /// `include: "file";`
+  void include();
+  /// `set: ...;`
+  void set();
+  SourcePosition card_position() const { return card_position_; }
+
+  // ---- arguments
+  /// True if there is another argument.
+  bool more();
+  /// Where the next argument stands.
+  SourcePosition where() { return tokens().peek().where; }
+  /// The argument is nothing at all: `,,`. Takes it.
+  bool take_empty();
+  /// Takes the argument if it is this keyword.
+  bool take(std::string_view keyword);
+  /// Takes the argument if it is one of the choices, else -1.
+  int take_any(Choices choices);
+  /// The argument must be one of the choices; `what` names the kind of thing ("joint type") in messages.
+  int keyword(Choices choices, const char* what);
+  /// The argument as plain words, without taking it; nullopt if it is something else.
+  std::optional<Words> peek_words();
+  /// The first token of the argument.
+  std::string_view peek_text() { return tokens().peek().text; }
+  /// The argument must be this keyword.
+  void require(const char* keyword);
+  /// Stops unless there is another argument.
+  void need(const std::string& what);
+
+  double real(const char* what);
+  double positive(const char* what);
+  std::int64_t integer(const char* what);
+  Label label(const char* what);
+  bool yes_no();
+  bool boolean(const char* what);
+  std::string string(const char* what);
+  /// "abc" when the argument is a string, else nullopt.
+  std::optional<std::string> take_string();
+
+  /// Parses the content of a string drive at the argument.
+  std::shared_ptr<const StringDrive> string_drive(double time_step, double check_time);
+
+  [[noreturn]] void fail(const SourcePosition& where, std::string message) {
+    diagnostics_.fail(where, std::move(message));
+  }
+  Diagnostics& diagnostics() { return diagnostics_; }
+  const Symbols& symbols() const { return *symbols_; }
+  /// Value of model::current("L0") for the expressions to come [m]; null to forget it.
+  void set_current_length(const double* length) { state_.current_length = length; }
+
+ private:
+  struct Source {
+    std::string text;
+    std::string name;
+    std::string canonical;
+    TokenStream tokens;
+  };
+
+  TokenStream& tokens() { return sources_.back()->tokens; }
+  void push(std::string text, const std::string& name, std::string canonical);
+  bool scan_words(std::string* text);
+  void end_argument();
+  void next_token();
+  /// Evaluates the expression at the argument.
+  Value<double> expression(const char* what, Label* label);
+  Value<double> evaluated(const Expression& expression);
+  void forget_new_symbols(std::size_t before, const std::string& declared);
+
+  Diagnostics& diagnostics_;
+  std::shared_ptr<Symbols> symbols_;
+  ReadingState state_;
+  std::vector<std::unique_ptr<Source>> sources_;
+  Expression expression_;
+  SourcePosition card_position_;
+  bool after_comma_ = false;
+  bool card_has_arguments_ = false;
+  bool words_known_ = false;  // scan result below belongs to the token in hand
+  bool words_found_ = false;
+  std::string words_;
+  std::size_t characters_read_ = 0;
+};
+
+}  // namespace mbdae::reading

@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/deck/drive_reader.h"
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "mbdae/model/drive_library.h"
+
+namespace mbdae::reading {
+namespace {
+
+constexpr int kDeepestDrive = 64;
+
+enum DriveKind {
+  kConst,
+  kNull,
+  kUnit,
+  kOne,
+  kTime,
+  kTimeStep,
+  kDirect,
+  kRamp,
+  kSine,
+  kCosine,
+  kStep,
+  kString,
+  kArray,
+  kMult,
+  kReference
+};
+
+constexpr const char* kDrives[] = {"const", "null",   "unit", "one",    "time",  "timestep", "direct",   "ramp",
+                                   "sine",  "cosine", "step", "string", "array", "mult",     "reference"};
+
+/// Drives of the language that are not read here.
+constexpr const char* kOtherDrives[] = {"closest next",
+                                        "cubic",
+                                        "discrete filter",
+                                        "dof",
+                                        "double ramp",
+                                        "double step",
+                                        "drive",
+                                        "element",
+                                        "event",
+                                        "exponential",
+                                        "file",
+                                        "fourier series",
+                                        "frequency sweep",
+                                        "linear",
+                                        "meter",
+                                        "node",
+                                        "parabolic",
+                                        "periodic",
+                                        "piecewise linear",
+                                        "postponed",
+                                        "random",
+                                        "sample and hold",
+                                        "scalar function",
+                                        "switch",
+                                        "tanh",
+                                        "while"};
+
+DrivePtr read(Context& context, int depth);
+
+DrivePtr constant(double value) { return std::make_shared<const ConstDrive>(value); }
+
+DrivePtr read_ramp(Context& context) {
+  Input& input = context.input;
+  const double slope = input.real("the slope of the ramp");
+  const double start = input.real("the initial time of the ramp");
+  input.need("the final time of the ramp");
+  const SourcePosition where = input.where();
+  const double end =
+      input.take("forever") ? std::numeric_limits<double>::infinity() : input.real("the final time of the ramp");
+  if (!(end >= start)) {
+    input.fail(where, "the ramp ends at " + number_text(end) + " s, before it starts at " + number_text(start) + " s");
+  }
+  const double initial = input.real("the initial value of the ramp");
+  if (slope == 0.0) return constant(initial);
+  return std::make_shared<const RampDrive>(slope, start, end, initial);
+}
+
+template <class Wave>
+DrivePtr read_wave(Context& context, bool sine) {
+  static constexpr const char* kCycles[] = {"half", "one", "forever"};
+  Input& input = context.input;
+  const double start = input.real("the initial time");
+  const double w = input.real("the angular frequency");
+  const double amplitude = input.real("the amplitude");
+  input.need("a number of cycles, half, one, or forever");
+  const SourcePosition where = input.where();
+  const int word = input.take_any(kCycles);
+  double cycles = std::numeric_limits<double>::infinity();
+  if (word == 0) {
+    cycles = sine ? 0.25 : 0.5;  // stops at the top
+  } else if (word != 2) {
+    const std::int64_t n = word == 1 ? 1 : input.integer("a number of cycles, half, one, or forever");
+    if (n < 1) input.fail(where, "found " + std::to_string(n) + " cycles, expected 1 or more, half, or forever");
+    cycles = static_cast<double>(n) - (sine ? 0.5 : 0.0);
+  }
+  const double initial = input.real("the initial value");
+  if (amplitude == 0.0 || w == 0.0) return constant(initial);
+  const double duration = cycles * 2.0 * std::numbers::pi / std::abs(w);
+  return std::make_shared<const Wave>(start, w, amplitude, duration, initial);
+}
+
+DrivePtr read_array(Context& context, int depth) {
+  Input& input = context.input;
+  const SourcePosition where = input.where();
+  const std::int64_t count = input.integer("the number of drives");
+  if (count < 1) input.fail(where, "found " + std::to_string(count) + " drives, expected 1 or more");
+  std::vector<DrivePtr> drives;
+  for (std::int64_t i = 0; i < count; ++i) {
+    input.need("drive " + std::to_string(i + 1) + " of " + std::to_string(count));
+    drives.push_back(read(context, depth + 1));
+  }
+  return std::make_shared<const SumDrive>(std::move(drives));
+}
+
+DrivePtr read(Context& context, int depth) {
+  Input& input = context.input;
+  const SourcePosition where = input.where();
+  if (depth > kDeepestDrive)
+    input.fail(where, "drives nested deeper than " + std::to_string(kDeepestDrive) + " levels");
+  input.need("a drive: " + joined(kDrives) + ", or a number");
+  switch (input.take_any(kDrives)) {
+    case kConst:
+      return constant(input.real("the value of the drive"));
+    case kNull:
+      return constant(0.0);
+    case kUnit:
+    case kOne:
+      return constant(1.0);
+    case kTime:
+    case kDirect:
+      return std::make_shared<const TimeDrive>();
+    case kTimeStep:
+      return constant(context.time_step());
+    case kRamp:
+      return read_ramp(context);
+    case kSine:
+      return read_wave<SineDrive>(context, true);
+    case kCosine:
+      return read_wave<CosineDrive>(context, false);
+    case kStep: {
+      const double start = input.real("the time of the step");
+      const double amplitude = input.real("the height of the step");
+      return std::make_shared<const StepDrive>(start, amplitude, input.real("the initial value of the step"));
+    }
+    case kString:
+      return input.string_drive(context.time_step(), context.initial_time());
+    case kArray:
+      return read_array(context, depth);
+    case kMult: {
+      DrivePtr first = read(context, depth + 1);
+      return std::make_shared<const ProductDrive>(std::move(first), read(context, depth + 1));
+    }
+    case kReference:
+      return context.drives.get(input, input.label("the label of a drive caller"));
+    default:
+      break;
+  }
+  if (const auto words = input.peek_words(); words && !input.symbols().find(input.peek_text())) {
+    for (const char* other : kOtherDrives) {
+      if (words->is(other)) input.fail(where, std::string("not supported: the drive `") + other + "`");
+    }
+    input.fail(where, "unknown drive " + quoted(words->text) + ", expected: " + joined(kDrives) + ", or a number" +
+                          suggestion(words->text, kDrives));
+  }
+  return constant(input.real("a drive or a number"));
+}
+
+template <int N>
+using Vector = Eigen::Matrix<double, N, 1>;
+
+/// Reads the direction of a single entity.
+template <int N>
+Vector<N> read_entity(Context& context, const Place* place, bool explicitly_single) {
+  if constexpr (N == 3) {
+    Input& input = context.input;
+    const auto words = input.peek_words();
+    if (words && words->is("reference")) {
+      if (!explicitly_single)
+        input.fail(words->where, "a frame needs the word `single` before it: `single, reference, ...`");
+      if (place == nullptr) input.fail(words->where, "not supported: a frame for the direction of this drive");
+      return read_direction(context, *place);
+    }
+    return read_vec3(input, "a component of the direction");
+  } else {
+    (void)place;
+    (void)explicitly_single;
+    return read_vec6(context.input, "a component of the direction");
+  }
+}
+
+template <int N>
+void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>* out) {
+  Input& input = context.input;
+  const SourcePosition where = input.where();
+  if (depth > kDeepestDrive)
+    input.fail(where, "drives nested deeper than " + std::to_string(kDeepestDrive) + " levels");
+  input.need("a vector drive: null, [single,] vector and drive, component, array");
+  if (input.take("null")) return;
+  if (input.take("component")) {
+    for (int i = 0; i < N; ++i) {
+      input.need("drive " + std::to_string(i + 1) + " of " + std::to_string(N));
+      if (input.take("inactive")) continue;
+      out->terms.push_back({Vector<N>::Unit(i), read(context, depth + 1)});
+    }
+    return;
+  }
+  if (input.take("array")) {
+    const SourcePosition count_where = input.where();
+    const std::int64_t count = input.integer("the number of vector drives");
+    if (count < 1) input.fail(count_where, "found " + std::to_string(count) + " drives, expected 1 or more");
+    for (std::int64_t i = 0; i < count; ++i) {
+      input.need("vector drive " + std::to_string(i + 1) + " of " + std::to_string(count));
+      read_terms(context, place, depth + 1, out);
+    }
+    return;
+  }
+  const bool single = input.take("single");
+  const Vector<N> direction = read_entity<N>(context, place, single);
+  DrivePtr drive = read(context, depth + 1);
+  if (!direction.isZero(0.0)) out->terms.push_back({direction, std::move(drive)});
+}
+
+}  // namespace
+
+DrivePtr read_drive(Context& context) { return read(context, 0); }
+
+void read_drive_caller(Context& context) {
+  Input& input = context.input;
+  const Label label = input.label("a drive caller label");
+  context.drives.announce(input, label);
+  if (input.take("name")) input.string("a name in quotes");
+  DrivePtr drive = read_drive(context);
+  input.end_card();
+  context.drives.define(label, std::move(drive));
+}
+
+VectorDrive<3> read_vector_drive(Context& context, const Place* place) {
+  VectorDrive<3> out;
+  read_terms(context, place, 0, &out);
+  return out;
+}
+
+VectorDrive<6> read_vector_drive6(Context& context) {
+  VectorDrive<6> out;
+  read_terms(context, nullptr, 0, &out);
+  return out;
+}
+
+VectorDrive<1> read_scalar_drive(Context& context) {
+  Input& input = context.input;
+  VectorDrive<1> out;
+  Vector<1> factor = Vector<1>::Ones();
+  input.need("a drive");
+  if (input.take("single")) factor(0) = input.real("the factor of the drive");
+  DrivePtr drive = read_drive(context);
+  out.terms.push_back({factor, std::move(drive)});
+  return out;
+}
+
+}  // namespace mbdae::reading

@@ -1,0 +1,421 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/deck/expression.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <climits>
+#include <cmath>
+#include <cstdlib>
+#include <optional>
+#include <string>
+
+namespace mbdae::reading {
+namespace {
+
+constexpr std::array<FunctionInfo, 50> kFunctions = {{
+    {"abs", Function::abs_, 1, 1},
+    {"acos", Function::acos_, 1, 1},
+    {"acosh", Function::acosh_, 1, 1},
+    {"asin", Function::asin_, 1, 1},
+    {"asinh", Function::asinh_, 1, 1},
+    {"atan", Function::atan_, 1, 1},
+    {"atan2", Function::atan2_, 2, 2},
+    {"atanh", Function::atanh_, 1, 1},
+    {"actan", Function::actan, 1, 1},
+    {"actan2", Function::actan2, 2, 2},
+    {"actanh", Function::actanh, 1, 1},
+    {"ceil", Function::ceil_, 1, 1},
+    {"copysign", Function::copysign_, 2, 2},
+    {"cos", Function::cos_, 1, 1},
+    {"cosh", Function::cosh_, 1, 1},
+    {"ctan", Function::ctan, 1, 1},
+    {"ctanh", Function::ctanh, 1, 1},
+    {"exp", Function::exp_, 1, 1},
+    {"floor", Function::floor_, 1, 1},
+    {"log", Function::log_, 1, 1},
+    {"log10", Function::log10_, 1, 1},
+    {"max", Function::max_, 2, 2},
+    {"min", Function::min_, 2, 2},
+    {"par", Function::par, 1, 1},
+    {"print", Function::print, 1, 1},
+    {"ramp", Function::ramp, 1, 1},
+    {"rand", Function::rand_, 0, 0},
+    {"random", Function::random_, 0, 0},
+    {"round", Function::round_, 1, 1},
+    {"seed", Function::seed, 1, 1},
+    {"sign", Function::sign, 1, 1},
+    {"sin", Function::sin_, 1, 1},
+    {"sinh", Function::sinh_, 1, 1},
+    {"sprintf", Function::sprintf_, 2, 2},
+    {"sqrt", Function::sqrt_, 1, 1},
+    {"sramp", Function::sramp, 2, 2},
+    {"step", Function::step, 1, 1},
+    {"stop", Function::stop, 1, 2},
+    {"tan", Function::tan_, 1, 1},
+    {"tanh", Function::tanh_, 1, 1},
+    {"in_ll", Function::in_ll, 3, 3},
+    {"in_le", Function::in_le, 3, 3},
+    {"in_el", Function::in_el, 3, 3},
+    {"in_ee", Function::in_ee, 3, 3},
+    {"bool", Function::cast_boolean, 1, 1},
+    {"integer", Function::cast_integer, 1, 1},
+    {"real", Function::cast_real, 1, 1},
+    {"string", Function::cast_string, 1, 1},
+    {"integer_eval", Function::cast_integer, 1, 1},
+    {"real_eval", Function::cast_real, 1, 1},
+}};
+
+struct BinaryOperator {
+  std::string_view symbol;
+  Op op;
+  int level;  ///< 0 binds weakest
+};
+
+constexpr int kLevels = 6;
+constexpr std::array<BinaryOperator, 14> kBinary = {{
+    {"~|", Op::logical_xor, 0},
+    {"||", Op::logical_or, 1},
+    {"&&", Op::logical_and, 2},
+    {">", Op::greater, 3},
+    {">=", Op::greater_equal, 3},
+    {"==", Op::equal, 3},
+    {"<=", Op::less_equal, 3},
+    {"<", Op::less, 3},
+    {"!=", Op::not_equal, 3},
+    {"+", Op::add, 4},
+    {"-", Op::subtract, 4},
+    {"*", Op::multiply, 5},
+    {"/", Op::divide, 5},
+    {"%", Op::modulo, 5},
+}};
+
+std::optional<Type> type_word(std::string_view word) {
+  if (word == "real") return Type::real;
+  if (word == "integer") return Type::integer;
+  if (word == "bool") return Type::boolean;
+  if (word == "string") return Type::string;
+  return std::nullopt;
+}
+
+}  // namespace
+
+const FunctionInfo* find_function(std::string_view name) {
+  for (const FunctionInfo& info : kFunctions) {
+    if (name == info.name) return &info;
+  }
+  return nullptr;
+}
+
+void ExpressionParser::check_depth(int depth) {
+  if (depth > kDeepestNesting) {
+    diagnostics_.fail(tokens_.peek().where,
+                      "expression nested deeper than " + std::to_string(kDeepestNesting) + " levels");
+  }
+}
+
+int ExpressionParser::add(ExpressionNode node, int first, int second) {
+  node.first = first;
+  if (first >= 0) {
+    node.height = out_.nodes[static_cast<std::size_t>(first)].height + 1;
+    if (second >= 0) {
+      node.height = std::max(node.height, out_.nodes[static_cast<std::size_t>(second)].height + 1);
+      out_.nodes[static_cast<std::size_t>(first)].sibling = second;
+    }
+  }
+  if (node.height > kHighestTree) {
+    diagnostics_.fail(node.where, "expression with more than " + std::to_string(kHighestTree) +
+                                      " operations in a row: split it with `set:`");
+  }
+  out_.nodes.push_back(std::move(node));
+  return static_cast<int>(out_.nodes.size()) - 1;
+}
+
+void ExpressionParser::expect(std::string_view symbol) {
+  const Token token = tokens_.take();
+  if (!token.is(symbol)) {
+    diagnostics_.fail(token.where, "found " + described(token) + ", expected `" + std::string(symbol) + "`");
+  }
+}
+
+int ExpressionParser::statement(int depth) {
+  const Token& token = tokens_.peek();
+  if (token.kind != TokenKind::word) return assignment(depth);
+  // A declaration starts with modifiers and a type, followed by a name: two words in a row.
+  const bool modifier = token.text == "const" || token.text == "ifndef";
+  if (!modifier && !type_word(token.text)) return assignment(depth);
+  if (tokens_.ahead().next().kind != TokenKind::word) return assignment(depth);
+
+  ExpressionNode node;
+  node.op = Op::declare;
+  node.where = token.where;
+  if (tokens_.peek().text == "ifndef") {
+    tokens_.take();
+    node.if_not_defined = true;
+  }
+  if (tokens_.peek().text == "const") {
+    tokens_.take();
+    node.constant = true;
+  }
+  const Token type = tokens_.take();
+  const std::optional<Type> known = type.kind == TokenKind::word ? type_word(type.text) : std::nullopt;
+  if (!known)
+    diagnostics_.fail(type.where, "found " + described(type) + ", expected a type: bool, integer, real, string");
+  node.type = *known;
+  const Token name = tokens_.take();
+  if (name.kind != TokenKind::word) {
+    diagnostics_.fail(name.where, "found " + described(name) + ", expected the name of a variable");
+  }
+  if (depth == 0) declared_ = std::string(name.text);
+  if (run_time_) diagnostics_.fail(name.where, "not supported: a declaration in a run-time expression");
+  node.where = name.where;
+  if (name.text == "Time" || name.text == "TimeStep" || name.text == "Step" || name.text == "Var") {
+    diagnostics_.fail(name.where, quoted(name.text) + " is a run-time variable of the language, choose another name");
+  }
+  const std::optional<std::uint32_t> known_symbol = symbols_.find(name.text);
+  if (known_symbol && symbols_[*known_symbol].broken) throw Reported{};
+  if (known_symbol && !node.if_not_defined) {
+    diagnostics_.fail(name.where, "the variable " + quoted(name.text) + " is declared already (use `set: " +
+                                      std::string(name.text) + " = ...;` to change it, `ifndef` to keep it)");
+  }
+  int initial = -1;
+  if (tokens_.peek().is("=")) {
+    tokens_.take();
+    initial = assignment(depth);
+  } else if (node.constant) {
+    diagnostics_.fail(name.where, "the constant " + quoted(name.text) + " needs a value: `= ...`");
+  }
+  if (known_symbol) {
+    node.index = *known_symbol;
+  } else {
+    node.if_not_defined = false;
+    Variable variable;
+    variable.name = std::string(name.text);
+    variable.constant = node.constant;
+    variable.value.type = node.type;
+    if (const auto inner = symbols_.find(name.text)) {  // its own initial value has declared it
+      diagnostics_.fail(name.where, "the variable " + quoted(symbols_[*inner].name) + " is declared already");
+    }
+    node.index = symbols_.add(std::move(variable));
+  }
+  return add(std::move(node), initial);
+}
+
+int ExpressionParser::assignment(int depth) {
+  check_depth(depth);
+  const int left = binary(0, depth);
+  if (!tokens_.peek().is("=")) return left;
+  const Token token = tokens_.take();
+  if (out_.nodes[static_cast<std::size_t>(left)].op != Op::variable) {
+    diagnostics_.fail(token.where, "only a variable can stand left of `=` (the comparison is `==`)");
+  }
+  if (run_time_) diagnostics_.fail(token.where, "not supported: an assignment in a run-time expression");
+  const int right = assignment(depth + 1);
+  ExpressionNode node;
+  node.op = Op::assign;
+  node.where = token.where;
+  return add(std::move(node), left, right);
+}
+
+int ExpressionParser::binary(int level, int depth) {
+  if (level == kLevels) return power(depth);
+  int left = binary(level + 1, depth);
+  while (true) {
+    const Token& token = tokens_.peek();
+    if (token.kind != TokenKind::symbol) return left;
+    const BinaryOperator* found = nullptr;
+    for (const BinaryOperator& candidate : kBinary) {
+      if (candidate.level == level && token.text == candidate.symbol) found = &candidate;
+    }
+    if (found == nullptr) return left;
+    ExpressionNode node;
+    node.op = found->op;
+    node.where = token.where;
+    tokens_.take();
+    const int right = binary(level + 1, depth);
+    left = add(std::move(node), left, right);
+  }
+}
+
+int ExpressionParser::power(int depth) {
+  check_depth(depth);
+  const int base = unary(depth);
+  if (!tokens_.peek().is("^")) return base;
+  ExpressionNode node;
+  node.op = Op::power;
+  node.where = tokens_.take().where;
+  const int exponent = power(depth + 1);
+  return add(std::move(node), base, exponent);
+}
+
+int ExpressionParser::unary(int depth) {
+  check_depth(depth);
+  const Token& token = tokens_.peek();
+  if (token.kind == TokenKind::symbol && (token.text == "-" || token.text == "+" || token.text == "!")) {
+    ExpressionNode node;
+    node.op = token.text == "-" ? Op::negate : token.text == "+" ? Op::plus : Op::logical_not;
+    node.where = token.where;
+    tokens_.take();
+    const int operand = unary(depth + 1);
+    return add(std::move(node), operand);
+  }
+  return primary(depth);
+}
+
+int ExpressionParser::number() {
+  const Token token = tokens_.take();
+  ExpressionNode node;
+  node.where = token.where;
+  const char* const begin = token.text.data();
+  const char* const end = begin + token.text.size();
+  if (token.kind == TokenKind::integer) {
+    const auto result = std::from_chars(begin, end, node.integer);
+    if (result.ec != std::errc() || node.integer > INT_MAX) {
+      diagnostics_.fail(token.where, "the integer " + quoted(token.text) + " is larger than INT_MAX = 2147483647 " +
+                                         "(write it with a point for a real)");
+    }
+    return add(std::move(node));
+  }
+  node.op = Op::real;
+  node.type = Type::real;
+  if (std::from_chars(begin, end, node.real).ec != std::errc()) {
+    // Too large is an error, too small is as good as zero.
+    node.real = std::strtod(std::string(token.text).c_str(), nullptr);
+    if (!std::isfinite(node.real)) diagnostics_.fail(token.where, "the number " + quoted(token.text) + " is too large");
+  }
+  return add(std::move(node));
+}
+
+int ExpressionParser::primary(int depth) {
+  const Token& token = tokens_.peek();
+  if (token.kind == TokenKind::integer || token.kind == TokenKind::real) return number();
+  if (token.kind == TokenKind::word) return name(depth);
+  if (token.kind == TokenKind::string) {
+    ExpressionNode node;
+    node.op = Op::text;
+    node.type = Type::string;
+    node.where = token.where;
+    node.index = static_cast<std::uint32_t>(out_.texts.size());
+    out_.texts.push_back(unescaped(token.text));
+    tokens_.take();
+    return add(std::move(node));
+  }
+  if (!token.is("("))
+    diagnostics_.fail(token.where, "found " + described(token) + ", expected a number or an expression");
+  ExpressionNode node;
+  node.op = Op::sequence;
+  node.where = tokens_.take().where;
+  const int first = statement(depth + 1);
+  int last = first;
+  int height = out_.nodes[static_cast<std::size_t>(first)].height;
+  while (tokens_.peek().is(";")) {
+    tokens_.take();
+    const int next = statement(depth + 1);
+    out_.nodes[static_cast<std::size_t>(last)].sibling = next;
+    height = std::max(height, out_.nodes[static_cast<std::size_t>(next)].height);
+    last = next;
+  }
+  expect(")");
+  if (last == first && out_.nodes[static_cast<std::size_t>(first)].op != Op::variable) return first;
+  node.height = height + 1;
+  const int sequence = add(std::move(node));
+  out_.nodes[static_cast<std::size_t>(sequence)].first = first;
+  return sequence;
+}
+
+void ExpressionParser::unknown_name(const Token& token) {
+  std::vector<const char*> names;
+  names.reserve(symbols_.size());
+  for (std::uint32_t i = 0; i < symbols_.size(); ++i) names.push_back(symbols_[i].name.c_str());
+  diagnostics_.fail(token.where, "unknown name " + quoted(token.text) + suggestion(token.text, names));
+}
+
+int ExpressionParser::name(int depth) {
+  const Token token = tokens_.take();
+  if (tokens_.peek().is("(")) return call(token, depth);
+  if (tokens_.peek().is("::")) return model_namespace(token);
+  ExpressionNode node;
+  node.where = token.where;
+  if (const auto symbol = symbols_.find(token.text)) {
+    node.op = Op::variable;
+    node.index = *symbol;
+    return add(std::move(node));
+  }
+  const bool time = token.text == "Time", step = token.text == "TimeStep", argument = token.text == "Var";
+  if (time || step || argument) {
+    if (!run_time_) {
+      diagnostics_.fail(token.where, quoted(token.text) + " has no value while the deck is read: it belongs in a " +
+                                         "`string` drive");
+    }
+    node.op = time ? Op::time : step ? Op::time_step : Op::argument;
+    return add(std::move(node));
+  }
+  if (token.text == "Step") diagnostics_.fail(token.where, "not supported: the run-time variable `Step`");
+  unknown_name(token);
+}
+
+int ExpressionParser::model_namespace(const Token& token) {
+  tokens_.take();  // ::
+  const Token member = tokens_.take();
+  if (token.text != "model" || member.text != "current" || run_time_) {
+    diagnostics_.fail(token.where, "not supported: the function " +
+                                       quoted(std::string(token.text) + "::" + std::string(member.text)) +
+                                       (run_time_ ? " in a run-time expression" : ""));
+  }
+  expect("(");
+  const Token what = tokens_.take();
+  if (what.kind != TokenKind::string || what.text != "L0") {
+    diagnostics_.fail(what.where, "found " + described(what) + ", expected \"L0\"");
+  }
+  expect(")");
+  ExpressionNode node;
+  node.op = Op::model_current;
+  node.where = token.where;
+  return add(std::move(node));
+}
+
+int ExpressionParser::call(const Token& token, int depth) {
+  const FunctionInfo* info = find_function(token.text);
+  if (info == nullptr) {
+    std::array<const char*, kFunctions.size()> names{};
+    for (std::size_t i = 0; i < names.size(); ++i) names[i] = kFunctions[i].name;
+    diagnostics_.fail(token.where, "unknown function " + quoted(token.text) + suggestion(token.text, names));
+  }
+  if (run_time_ && (info->id == Function::rand_ || info->id == Function::random_ || info->id == Function::seed ||
+                    info->id == Function::sprintf_ || info->id == Function::stop)) {
+    diagnostics_.fail(token.where, "not supported: the function " + quoted(token.text) + " in a run-time expression");
+  }
+  expect("(");
+  ExpressionNode node;
+  node.op = Op::call;
+  node.where = token.where;
+  node.index = static_cast<std::uint32_t>(info->id);
+  int first = -1, last = -1, count = 0;
+  if (!tokens_.peek().is(")")) {
+    while (true) {
+      const int argument = assignment(depth + 1);
+      node.height = std::max(node.height, out_.nodes[static_cast<std::size_t>(argument)].height + 1);
+      if (last >= 0) {
+        out_.nodes[static_cast<std::size_t>(last)].sibling = argument;
+      } else {
+        first = argument;
+      }
+      last = argument;
+      ++count;
+      if (!tokens_.peek().is(",")) break;
+      tokens_.take();
+    }
+  }
+  expect(")");
+  if (count < info->least || count > info->most) {
+    diagnostics_.fail(token.where,
+                      "the function " + quoted(token.text) + " takes " + std::to_string(info->least) +
+                          (info->most > info->least ? " or " + std::to_string(info->most) : std::string()) +
+                          (info->most == 1 ? " argument, not " : " arguments, not ") + std::to_string(count));
+  }
+  const int index = add(std::move(node));
+  out_.nodes[static_cast<std::size_t>(index)].first = first;
+  return index;
+}
+
+}  // namespace mbdae::reading

@@ -1,0 +1,181 @@
+// Mathematical expressions as trees: what was written, not yet what it is worth.
+//
+// Operators from high to low: unary + - !, ^ (right to left), * / %, + -, comparisons, &&, ||, ~|, = (right to left).
+// A unary minus binds tighter than ^: -2^2 is 4.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "mbdae/deck/diagnostic.h"
+#include "mbdae/deck/lexer.h"
+#include "mbdae/deck/value.h"
+
+namespace mbdae::reading {
+
+enum class Op : std::uint8_t {
+  integer,
+  real,
+  text,
+  variable,
+  time,           ///< run-time variable Time
+  time_step,      ///< run-time variable TimeStep
+  argument,       ///< run-time variable Var
+  model_current,  ///< model::current("L0")
+  plus,
+  negate,
+  logical_not,
+  power,
+  multiply,
+  divide,
+  modulo,
+  add,
+  subtract,
+  greater,
+  greater_equal,
+  equal,
+  less_equal,
+  less,
+  not_equal,
+  logical_and,
+  logical_or,
+  logical_xor,
+  assign,
+  declare,
+  call,
+  sequence,  ///< ( a; b; c ), worth its last
+};
+
+enum class Function : std::uint8_t {
+  abs_,
+  acos_,
+  acosh_,
+  asin_,
+  asinh_,
+  atan_,
+  atan2_,
+  atanh_,
+  actan,
+  actan2,
+  actanh,
+  ceil_,
+  copysign_,
+  cos_,
+  cosh_,
+  ctan,
+  ctanh,
+  exp_,
+  floor_,
+  log_,
+  log10_,
+  max_,
+  min_,
+  par,
+  print,
+  ramp,
+  rand_,
+  random_,
+  round_,
+  seed,
+  sign,
+  sin_,
+  sinh_,
+  sprintf_,
+  sqrt_,
+  sramp,
+  step,
+  stop,
+  tan_,
+  tanh_,
+  in_ll,
+  in_le,
+  in_el,
+  in_ee,
+  cast_boolean,
+  cast_integer,
+  cast_real,
+  cast_string,
+};
+
+struct FunctionInfo {
+  const char* name;
+  Function id;
+  std::uint8_t least, most;  ///< number of arguments
+};
+
+/// Null when there is no such function.
+const FunctionInfo* find_function(std::string_view name);
+
+struct ExpressionNode {
+  Op op = Op::integer;
+  Type type = Type::integer;    ///< declare: of the variable; literals: of the value
+  bool constant = false;        ///< declare
+  bool if_not_defined = false;  ///< declare: the variable existed, keep it
+  std::uint32_t index = 0;      ///< variable, declare: symbol; text: index into texts; call: Function
+  int height = 1;               ///< of the tree below
+  int first = -1;               ///< first child
+  int sibling = -1;             ///< next child of the same parent
+  std::int64_t integer = 0;
+  double real = 0.0;
+  SourcePosition where;
+};
+
+struct Expression {
+  std::vector<ExpressionNode> nodes;
+  std::vector<std::string> texts;
+  int root = -1;
+
+  void clear() {
+    nodes.clear();
+    texts.clear();
+    root = -1;
+  }
+};
+
+/// Nesting of parentheses, signs and exponents.
+inline constexpr int kDeepestNesting = 200;
+/// Height of a tree: a sum of n terms is n high.
+inline constexpr int kHighestTree = 1000;
+
+/// Parses from a token stream until something that does not belong to an expression.
+class ExpressionParser {
+ public:
+  ExpressionParser(TokenStream& tokens, Symbols& symbols, Diagnostics& diagnostics, Expression& out, bool run_time)
+      : tokens_(tokens), symbols_(symbols), diagnostics_(diagnostics), out_(out), run_time_(run_time) {}
+
+  /// One expression, as an argument of a card.
+  void parse_expression() { out_.root = assignment(0); }
+  /// What stands in `set:`: a declaration or an expression.
+  void parse_statement() { out_.root = statement(0); }
+  /// Name of the variable being declared, "" when there is none (for recovery after an error).
+  const std::string& declared() const { return declared_; }
+
+ private:
+  int statement(int depth);
+  int assignment(int depth);
+  int binary(int level, int depth);
+  int power(int depth);
+  int unary(int depth);
+  int primary(int depth);
+  int number();
+  int name(int depth);
+  int model_namespace(const Token& token);
+  int call(const Token& token, int depth);
+  int add(ExpressionNode node, int first = -1, int second = -1);
+  void check_depth(int depth);
+  void expect(std::string_view symbol);
+  [[noreturn]] void unknown_name(const Token& token);
+
+  TokenStream& tokens_;
+  Symbols& symbols_;
+  Diagnostics& diagnostics_;
+  Expression& out_;
+  bool run_time_;
+  std::string declared_;
+};
+
+}  // namespace mbdae::reading

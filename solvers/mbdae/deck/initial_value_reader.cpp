@@ -1,0 +1,317 @@
+// The data and initial value blocks.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <limits>
+
+#include "mbdae/deck/block_reader.h"
+
+namespace mbdae::reading {
+namespace {
+
+constexpr const char* kCards[] = {
+    "initial time", "final time", "time step", "method", "tolerance", "max iterations", "derivatives tolerance",
+    "derivatives max iterations", "derivatives coefficient", "eigenanalysis",
+    // accepted without effect
+    "dummy steps number", "dummy steps ratio", "dummy steps tolerance", "dummy steps max iterations",
+    "dummy steps method", "linear solver", "nonlinear solver", "output", "abort after", "threads"};
+
+enum Card {
+  kInitialTime,
+  kFinalTime,
+  kTimeStep,
+  kMethod,
+  kTolerance,
+  kMaxIterations,
+  kDerivativesTolerance,
+  kDerivativesMaxIterations,
+  kDerivativesCoefficient,
+  kEigenanalysis
+};
+
+constexpr const char* kOtherCards[] = {"strategy",
+                                       "min time step",
+                                       "max time step",
+                                       "real time",
+                                       "solver",
+                                       "preconditioner",
+                                       "iterative solver",
+                                       "modify residual test",
+                                       "enforce constraint equations",
+                                       "pod"};
+
+int read_iterations(Input& input) {
+  const SourcePosition where = input.where();
+  const std::int64_t count = input.integer("a number of iterations");
+  if (count < 0) input.fail(where, "found " + std::to_string(count) + " iterations, expected 0 or more");
+  if (input.more()) input.take("at most");
+  return static_cast<int>(count);
+}
+
+/// A spectral radius: a number, with or without `const`.
+double read_radius(Input& input) {
+  input.take("const");
+  const SourcePosition where = input.where();
+  const double rho = input.real("the spectral radius");
+  if (!(rho >= 0.0 && rho <= 1.0))
+    input.fail(where, "found " + number_text(rho) + ", expected a spectral radius between 0 and 1");
+  return rho;
+}
+
+void read_method(Context& context) {
+  static constexpr const char* kMethods[] = {"ms",
+                                             "implicit euler",
+                                             "crank nicolson",
+                                             "bdf",
+                                             "hope",
+                                             "ss2",
+                                             "ss3",
+                                             "ss4",
+                                             "ms2",
+                                             "ms3",
+                                             "ms4",
+                                             "ms5",
+                                             "bathe",
+                                             "msstc3",
+                                             "msstc4",
+                                             "msstc5",
+                                             "mssth3",
+                                             "mssth4",
+                                             "mssth5",
+                                             "dirk33",
+                                             "dirk43",
+                                             "dirk54",
+                                             "hybrid"};
+  Input& input = context.input;
+  InitialValueData& data = context.deck.initial_value;
+  input.need("a method: " + joined(kMethods));
+  const int method = input.keyword(kMethods, "method");
+  data.method_text = kMethods[method];
+  switch (method) {
+    case 0:
+      data.method = MethodKind::ms;
+      input.need("the spectral radius");
+      data.rho = data.rho_algebraic = read_radius(input);
+      if (input.more()) data.rho_algebraic = read_radius(input);
+      break;
+    case 1:
+      data.method = MethodKind::implicit_euler;
+      break;
+    case 2:
+      data.method = MethodKind::crank_nicolson;
+      break;
+    default:
+      data.method = MethodKind::other;
+      input.ignore_arguments();
+  }
+}
+
+void read_residual_tolerance(Context& context) {
+  static constexpr const char* kTests[] = {"none", "norm", "minmax", "relnorm", "sepnorm"};
+  Input& input = context.input;
+  if (input.take("null")) {
+    context.deck.initial_value.tolerance = 0.0;
+  } else {
+    context.deck.initial_value.tolerance = input.positive("a tolerance");
+  }
+  if (input.more() && input.take("test")) {
+    input.keyword(kTests, "residual test");
+    if (input.more()) input.take("scale");
+  }
+  if (input.more()) {
+    if (const auto words = input.peek_words()) {
+      input.diagnostics().warning(words->where, "the solution tolerance has no effect");
+      input.ignore_arguments();
+    } else {
+      input.positive("a tolerance of the solution");
+      input.ignore_arguments();
+    }
+  }
+}
+
+void read_derivatives_coefficient(Context& context) {
+  Input& input = context.input;
+  if (input.take("auto")) {
+    // the default stays the first guess
+  } else {
+    context.deck.initial_value.derivatives_coefficient = input.positive("a coefficient");
+    if (!input.more() || !input.take("auto")) return;
+  }
+  if (input.more() && input.take("max iterations")) input.integer("a number of iterations");
+  if (input.more() && input.take("factor")) input.positive("a factor");
+}
+
+/// One option of the eigenanalysis card; only `parameter` has an effect here.
+void read_eigen_option(Input& input, EigenanalysisData* data) {
+  static constexpr const char* kOptions[] = {"parameter",
+                                             "suffix width",
+                                             "suffix format",
+                                             "output matrices",
+                                             "output full matrices",
+                                             "output sparse matrices",
+                                             "output eigenvectors",
+                                             "output geometry",
+                                             "matrix output precision",
+                                             "results output precision",
+                                             "mode",
+                                             "lower frequency limit",
+                                             "upper frequency limit",
+                                             "use lapack",
+                                             "use arpack",
+                                             "use jdqz",
+                                             "use external"};
+  static constexpr const char* kEnds[] = {"largest magnitude",  "largest real part",  "largest imaginary part",
+                                          "smallest magnitude", "smallest real part", "smallest imaginary part"};
+  static constexpr const char* kBalances[] = {"no", "scale", "permute", "all"};
+  switch (input.keyword(kOptions, "eigenanalysis option")) {
+    case 0:
+      data->parameter = input.positive("the parameter");
+      break;
+    case 1:
+      input.need("`compute` or a width");
+      if (!input.take("compute")) input.integer("a width");
+      break;
+    case 2:
+      input.string("a format in quotes");
+      break;
+    case 8:
+    case 9:
+      input.integer("a number of digits");
+      break;
+    case 10:
+      input.keyword(kEnds, "end of the spectrum");
+      break;
+    case 11:
+    case 12:
+      input.real("a frequency");
+      break;
+    case 13:
+      if (input.more() && input.take("balance")) input.keyword(kBalances, "balance");
+      break;
+    case 14:
+    case 15:
+      input.integer("a number of eigenvalues");
+      input.integer("a number of vectors");
+      input.real("a tolerance");
+      if (input.more() && input.take("max iterations")) input.integer("a number of iterations");
+      break;
+    default:
+      break;
+  }
+}
+
+void read_eigenanalysis(Context& context) {
+  Input& input = context.input;
+  EigenanalysisData data;
+  data.where = input.card_position();
+  input.need("a time or a list of times");
+  std::int64_t count = 1;
+  if (input.take("list")) {
+    const SourcePosition where = input.where();
+    count = input.integer("the number of times");
+    if (count < 1) input.fail(where, "found " + std::to_string(count) + " times, expected 1 or more");
+  }
+  for (std::int64_t i = 0; i < count; ++i) {
+    input.need("time " + std::to_string(i + 1) + " of " + std::to_string(count));
+    const SourcePosition where = input.where();
+    const double time = input.real("a time [s]");
+    if (!data.times.empty() && !(time > data.times.back())) {
+      input.fail(where, "found time " + number_text(time) + " after " + number_text(data.times.back()) +
+                            ", expected increasing times");
+    }
+    data.times.push_back(time);
+  }
+  while (input.more()) read_eigen_option(input, &data);
+  context.deck.initial_value.eigenanalysis = std::move(data);
+}
+
+}  // namespace
+
+void read_data_card(Context& context, const Words& card) {
+  static constexpr const char* kProblems[] = {"initial value", "inverse dynamics"};
+  static constexpr const char* kDataCards[] = {"problem"};
+  Input& input = context.input;
+  if (!card.is("problem")) {
+    input.fail(card.where, "unknown card " + quoted(card.text) + " in the data block, expected: problem, end: data" +
+                               suggestion(card.text, kDataCards));
+  }
+  const SourcePosition where = input.where();
+  if (input.keyword(kProblems, "problem") == 1) {
+    input.fail(where, "not supported: the problem `inverse dynamics` (expected `initial value`)");
+  }
+  input.end_card();
+}
+
+void read_initial_value_card(Context& context, const Words& card) {
+  Input& input = context.input;
+  InitialValueData& data = context.deck.initial_value;
+  int kind = -1;
+  for (std::size_t i = 0; i < std::size(kCards); ++i) {
+    if (card.is(kCards[i])) kind = static_cast<int>(i);
+  }
+  if (kind < 0) {
+    for (const char* other : kOtherCards) {
+      if (card.is(other)) input.fail(card.where, std::string("not supported: the card `") + other + "`");
+    }
+    input.fail(card.where, "unknown card " + quoted(card.text) + " in the initial value block, expected: " +
+                               joined(kCards) + suggestion(card.text, kCards));
+  }
+  context.initial_value_cards |= 1U << kind;
+  switch (kind) {
+    case kInitialTime:
+      data.initial_time = input.real("the initial time [s]");
+      break;
+    case kFinalTime:
+      input.need("the final time [s] or `forever`");
+      data.final_time =
+          input.take("forever") ? std::numeric_limits<double>::infinity() : input.real("the final time [s]");
+      break;
+    case kTimeStep:
+      data.time_step = input.positive("the time step [s]");
+      break;
+    case kMethod:
+      read_method(context);
+      break;
+    case kTolerance:
+      read_residual_tolerance(context);
+      break;
+    case kMaxIterations:
+      data.max_iterations = read_iterations(input);
+      break;
+    case kDerivativesTolerance:
+      data.derivatives_tolerance = input.positive("a tolerance");
+      break;
+    case kDerivativesMaxIterations:
+      data.derivatives_max_iterations = read_iterations(input);
+      break;
+    case kDerivativesCoefficient:
+      read_derivatives_coefficient(context);
+      break;
+    case kEigenanalysis:
+      read_eigenanalysis(context);
+      break;
+    default:
+      input.ignore_arguments();
+  }
+  input.end_card();
+}
+
+void check_initial_value(Context& context, const SourcePosition& where) {
+  for (const int card : {kInitialTime, kFinalTime, kTimeStep}) {
+    if ((context.initial_value_cards >> card & 1U) == 0) {
+      context.input.diagnostics().error(
+          where, std::string("the initial value block lacks the card `") + kCards[card] + ": ...;`");
+    }
+  }
+  const InitialValueData& data = context.deck.initial_value;
+  if ((context.initial_value_cards >> kMethod & 1U) == 0) {
+    context.input.diagnostics().warning(where, "the initial value block has no `method` card: `ms, 0.6` is used");
+  }
+  if (data.final_time < data.initial_time) {
+    context.input.diagnostics().error(where, "the final time " + number_text(data.final_time) +
+                                                 " s is before the initial time " + number_text(data.initial_time) +
+                                                 " s");
+  }
+}
+
+}  // namespace mbdae::reading

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/deck/lexer.h"
+
+#include <array>
+
+#include "mbdae/deck/diagnostic.h"
+
+namespace mbdae::reading {
+namespace {
+
+bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\f' || c == '\v'; }
+
+constexpr std::array<std::string_view, 8> kDoubleSymbols = {"::", "==", "!=", "<=", ">=", "&&", "||", "~|"};
+constexpr std::string_view kSymbols = ",;:()+-*/%^!=<>";
+
+}  // namespace
+
+std::string described(const Token& token) {
+  switch (token.kind) {
+    case TokenKind::end:
+      return "the end of the file";
+    case TokenKind::string:
+      return "the string " + quoted(token.text);
+    case TokenKind::bad:
+      return std::string(token.text);
+    default:
+      return quoted(token.text);
+  }
+}
+
+std::string unescaped(std::string_view raw) {
+  std::string out;
+  out.reserve(raw.size());
+  for (std::size_t i = 0; i < raw.size(); ++i) {
+    if (raw[i] == '\\' && i + 1 < raw.size() && (raw[i + 1] == '"' || raw[i + 1] == '\\')) ++i;
+    out += raw[i];
+  }
+  return out;
+}
+
+SourcePosition Lexer::here() const { return {file_, line_, static_cast<int>(position_ - line_start_) + 1}; }
+
+Token Lexer::make(TokenKind kind, std::size_t begin, const SourcePosition& where) const {
+  return {kind, text_.substr(begin, position_ - begin), where};
+}
+
+bool Lexer::skip_blanks(SourcePosition* unfinished) {
+  while (position_ < text_.size()) {
+    const char c = text_[position_];
+    if (is_blank(c)) {
+      ++position_;
+      if (c == '\n') {
+        ++line_;
+        line_start_ = position_;
+      }
+    } else if (comments_ && c == '#') {
+      const std::size_t newline = text_.find('\n', position_);
+      position_ = newline == std::string_view::npos ? text_.size() : newline;
+    } else if (comments_ && c == '/' && position_ + 1 < text_.size() && text_[position_ + 1] == '*') {
+      *unfinished = here();
+      const std::size_t close = text_.find("*/", position_ + 2);
+      const std::size_t stop = close == std::string_view::npos ? text_.size() : close + 2;
+      for (; position_ < stop; ++position_) {
+        if (text_[position_] == '\n') {
+          ++line_;
+          line_start_ = position_ + 1;
+        }
+      }
+      if (close == std::string_view::npos) return false;
+    } else {
+      break;
+    }
+  }
+  return true;
+}
+
+Token Lexer::next() {
+  SourcePosition unfinished;
+  if (!skip_blanks(&unfinished)) return {TokenKind::bad, "a comment that is never closed by `*/`", unfinished};
+  const SourcePosition where = here();
+  if (position_ >= text_.size()) return {TokenKind::end, {}, where};
+  const std::size_t begin = position_;
+  const char c = text_[position_];
+  const char d = position_ + 1 < text_.size() ? text_[position_ + 1] : '\0';
+  if (is_letter(c)) {
+    while (position_ < text_.size() && (is_letter(text_[position_]) || is_digit(text_[position_]))) ++position_;
+    return make(TokenKind::word, begin, where);
+  }
+  if (is_digit(c) || (c == '.' && is_digit(d))) return number(where);
+  if (c == '"') return string(where);
+  const std::string_view two = text_.substr(position_, 2);
+  for (const std::string_view symbol : kDoubleSymbols) {
+    if (two == symbol) {
+      position_ += 2;
+      return make(TokenKind::symbol, begin, where);
+    }
+  }
+  ++position_;
+  if (kSymbols.find(c) != std::string_view::npos) return make(TokenKind::symbol, begin, where);
+  // One message for a run of foreign bytes (a UTF-8 letter, say).
+  while (position_ < text_.size() && (static_cast<unsigned char>(text_[position_]) & 0xc0) == 0x80) ++position_;
+  return {TokenKind::symbol, text_.substr(begin, position_ - begin), where};
+}
+
+Token Lexer::number(const SourcePosition& where) {
+  const std::size_t begin = position_;
+  bool real = false;
+  const auto digits = [this] {
+    while (position_ < text_.size() && is_digit(text_[position_])) ++position_;
+  };
+  digits();
+  if (position_ < text_.size() && text_[position_] == '.') {
+    real = true;
+    ++position_;
+    digits();
+  }
+  if (position_ < text_.size() && (text_[position_] == 'e' || text_[position_] == 'E')) {
+    std::size_t digit = position_ + 1;
+    if (digit < text_.size() && (text_[digit] == '+' || text_[digit] == '-')) ++digit;
+    if (digit < text_.size() && is_digit(text_[digit])) {
+      real = true;
+      position_ = digit;
+      digits();
+    }
+  }
+  if (position_ < text_.size() && is_letter(text_[position_])) {
+    while (position_ < text_.size() && (is_letter(text_[position_]) || is_digit(text_[position_]))) ++position_;
+    return {TokenKind::bad, "a number run into letters", where};
+  }
+  return make(real ? TokenKind::real : TokenKind::integer, begin, where);
+}
+
+Token Lexer::string(const SourcePosition& where) {
+  const std::size_t begin = ++position_;
+  const std::size_t start_line_position = position_;
+  int lines = 0;
+  std::size_t last_line_start = line_start_;
+  for (std::size_t i = begin; i < text_.size(); ++i) {
+    if (text_[i] == '\\') {
+      ++i;
+    } else if (text_[i] == '"') {
+      position_ = i + 1;
+      line_ += lines;
+      line_start_ = last_line_start;
+      return {TokenKind::string, text_.substr(begin, i - begin), where};
+    }
+    if (i < text_.size() && text_[i] == '\n') {
+      ++lines;
+      last_line_start = i + 1;
+    }
+  }
+  // Never closed: go on with the next line, where the author probably thinks we are.
+  const std::size_t newline = text_.find('\n', start_line_position);
+  position_ = newline == std::string_view::npos ? text_.size() : newline;
+  return {TokenKind::bad, "a string that is never closed by `\"`", where};
+}
+
+}  // namespace mbdae::reading

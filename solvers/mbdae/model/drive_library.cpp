@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/model/drive_library.h"
+
+#include <cmath>
+
+#include "mbdae/model/drive_jet.h"
+
+namespace mbdae {
+
+Jet RampDrive::at(double t) const {
+  if (t < start_) return {initial_, 0.0, 0.0};
+  if (t < end_) return {initial_ + slope_ * (t - start_), slope_, 0.0};
+  return {initial_ + slope_ * (end_ - start_), 0.0, 0.0};
+}
+
+Jet StepDrive::at(double t) const { return {t < start_ ? initial_ : initial_ + amplitude_, 0.0, 0.0}; }
+
+Jet SineDrive::at(double t) const {
+  const double tau = t - start_;
+  if (tau < 0.0) return {initial_, 0.0, 0.0};
+  if (tau >= duration_) return {initial_ + amplitude_ * std::sin(w_ * duration_), 0.0, 0.0};
+  const double s = std::sin(w_ * tau), c = std::cos(w_ * tau);
+  return {initial_ + amplitude_ * s, amplitude_ * w_ * c, -amplitude_ * w_ * w_ * s};
+}
+
+Jet CosineDrive::at(double t) const {
+  const double tau = t - start_;
+  if (tau < 0.0) return {initial_, 0.0, 0.0};
+  if (tau >= duration_) return {initial_ + amplitude_ * (1.0 - std::cos(w_ * duration_)), 0.0, 0.0};
+  const double s = std::sin(w_ * tau), c = std::cos(w_ * tau);
+  return {initial_ + amplitude_ * (1.0 - c), amplitude_ * w_ * s, amplitude_ * w_ * w_ * c};
+}
+
+Jet SumDrive::at(double t) const {
+  Jet sum;
+  for (const DrivePtr& drive : drives_) sum = sum + drive->at(t);
+  return sum;
+}
+
+Jet ProductDrive::at(double t) const { return first_->at(t) * second_->at(t); }
+
+}  // namespace mbdae
