@@ -127,6 +127,7 @@ def solve_activations(matrices: Matrices, body: Body, cockpit: Cockpit, *, floor
         torques.update(zip((prefix + name for name in TORQUES), (-muscle_torque).tolist(), strict=True))
         done += len(limb.muscles)
     largest = int(np.argmax(values))
+    by_name = dict(zip(names, values.tolist(), strict=False))
     return Activations(
         values=values,
         muscle_names=names[:done],
@@ -134,8 +135,8 @@ def solve_activations(matrices: Matrices, body: Body, cockpit: Cockpit, *, floor
         largest=float(values[largest]),
         largest_muscle=names[largest],
         joint_torques_N_m=torques,
-        at_floor=tuple(name for name, a in zip(names, values.tolist(), strict=False) if a <= floor + _BOUND_TOLERANCE),
-        saturated=tuple(name for name, a in zip(names, values.tolist(), strict=False) if a >= 1.0 - _BOUND_TOLERANCE),
+        at_floor=tuple(name for name, a in by_name.items() if a <= floor + _BOUND_TOLERANCE),
+        saturated=tuple(name for name, a in by_name.items() if a >= 1.0 - _BOUND_TOLERANCE),
     )
 
 
@@ -267,7 +268,7 @@ def _hand_load(matrices: Matrices, layout: _Layout, inceptor: Inceptor, hand: Po
 
 
 def _passive(G: np.ndarray, matrices: Matrices, layout: _Layout) -> np.ndarray:
-    """Residual (24,) of the muscles' passive forces: columns of g_u scaled from force per activation to passive force."""
+    """Residual (24,) of the passive forces: columns of g_u times passive force over force per activation."""
     blocks = G.reshape(4, 6, -1)[:, :3]
     per_activation = np.sqrt(np.max(np.einsum("nij,nij->nj", blocks, blocks), axis=0))  # N, at either end of a muscle
     return np.asarray(G @ (matrices.muscles.force[layout.muscle_columns] / per_activation))
@@ -309,7 +310,8 @@ def _polished(A: np.ndarray, b: np.ndarray, x: np.ndarray, floor: float, side: s
     if worst > _BALANCED_NM or smallest < floor or largest > 1.0:
         raise EvaluationError(
             "activation",
-            f"{side} arm: the quadratic programme left {worst:.3g} N m, with activations from {smallest:.3g} to {largest:.3g}",
+            f"{side} arm: the quadratic programme left {worst:.3g} N m, "
+            f"with activations from {smallest:.3g} to {largest:.3g}",
         )
     return a
 

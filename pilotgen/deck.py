@@ -14,7 +14,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from types import SimpleNamespace
+from typing import Protocol
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
@@ -86,10 +87,9 @@ def _template(name: str) -> Template:
 
 def number(value: float) -> str:
     """A number as a deck has it: shortest text that reads back the same, always with a point or an exponent."""
-    text = repr(float(value))
-    if not math.isfinite(value):
-        raise ValueError(f"{text} has no place in a deck")
-    return text
+    if value - value != 0.0:
+        raise ValueError(f"{value!r} has no place in a deck")
+    return repr(float(value))
 
 
 def vector(values: np.ndarray) -> str:
@@ -121,28 +121,28 @@ def _pose_text(pose: Pose) -> _PoseText:
 # ---- what a template knows about a control and an arm ----------------------------------------------------------------
 
 
-def _inceptor_text(inceptor: Inceptor) -> dict[str, Any]:
+def _inceptor_text(inceptor: Inceptor) -> SimpleNamespace:
     collective = inceptor.name == "collective"
-    return {
-        "node": "LEVER" if collective else "STICK",
-        "joint": "LEVER_HINGE" if collective else "STICK_PIVOT",
-        "axis": "LEVER_AXIS" if collective else "STICK_AXIS",
-        "node_label": 2 if collective else 3,
-        "joint_label": 102 if collective else 103,
-        "frame_label": 1 if collective else 2,
-        "full_name": "collective lever" if collective else "cyclic stick",
-        "joint_name": "hinge" if collective else "pivot",
-        "axes_comment": "x along the lever, z = hinge axis" if collective else "y along the stick, z to the right",
-        "angle_comment": "above horizontal" if collective else "top rearward from vertical",
-        "source": "pilotgen/data/cockpit.yaml",
-        "length": number(inceptor.length_m),
-        "angle": number(inceptor.angle_deg),
-        "mass": number(inceptor.mass_kg),
-        "JX": number(inceptor.inertia_kg_m2[0]),
-        "JY": number(inceptor.inertia_kg_m2[1]),
-        "JZ": number(inceptor.inertia_kg_m2[2]),
-        "position": vector(inceptor.pose[0]),
-    }
+    return SimpleNamespace(
+        node="LEVER" if collective else "STICK",
+        joint="LEVER_HINGE" if collective else "STICK_PIVOT",
+        axis="LEVER_AXIS" if collective else "STICK_AXIS",
+        node_label=2 if collective else 3,
+        joint_label=102 if collective else 103,
+        frame_label=1 if collective else 2,
+        full_name="collective lever" if collective else "cyclic stick",
+        joint_name="hinge" if collective else "pivot",
+        axes_comment="x along the lever, z = hinge axis" if collective else "y along the stick, z to the right",
+        angle_comment="above horizontal" if collective else "top rearward from vertical",
+        source="pilotgen/data/cockpit.yaml",
+        length=number(inceptor.length_m),
+        angle=number(inceptor.angle_deg),
+        mass=number(inceptor.mass_kg),
+        JX=number(inceptor.inertia_kg_m2[0]),
+        JY=number(inceptor.inertia_kg_m2[1]),
+        JZ=number(inceptor.inertia_kg_m2[2]),
+        position=vector(inceptor.pose[0]),
+    )
 
 
 _ARM_JOINTS = ("SHOULDER", "HUMEROULNAR", "HUMERORADIAL", "RADIOULNAR", "WRIST", "GRIP")
@@ -150,7 +150,7 @@ _SPRINGS = ("SHOULDER_COMFORT", "ELBOW_COMFORT", "FOREARM_COMFORT", "WRIST_COMFO
 _IN_NODE = "reference, node, "
 
 
-def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, Pose]) -> dict[str, Any]:
+def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, Pose]) -> SimpleNamespace:
     S = SUFFIX[limb.side].upper()
     base = 10 if limb.side == "left" else 20
     labels = [(f"{name.upper()}_{S}", base + i) for i, name in enumerate(SEGMENTS, start=1)]
@@ -161,29 +161,29 @@ def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, P
     x_axis = np.array([1.0, 0.0, 0.0])
     control = "LEVER" if inceptor.name == "collective" else "STICK"
     along = f"{control}_LENGTH, 0., 0." if control == "LEVER" else f"0., {control}_LENGTH, 0."
-    return {
-        "S": S,
-        "side": limb.side,
-        "inceptor": _inceptor_text(inceptor),
-        "labels": labels,
-        "control": control,
+    return SimpleNamespace(
+        S=S,
+        side=limb.side,
+        inceptor=_inceptor_text(inceptor),
+        labels=labels,
+        control=control,
         **{name: f"{name.upper()}_{S}" for name in SEGMENTS},
-        "GH": vector(torso[0]),
-        "poses": [(f"{name.upper()}_{S}", _pose_text(poses[f"{name}_{SUFFIX[limb.side]}"])) for name in SEGMENTS],
-        "HU": _IN_NODE + vector(limb.HU_in_humerus),
-        "HR": _IN_NODE + vector(limb.HR_in_humerus),
-        "UH": _IN_NODE + vector(limb.UH_in_radius),
-        "W": _IN_NODE + vector(limb.W_in_radius),
-        "elbow_on_humerus": _IN_NODE + _hinge_frame(limb.elbow_axis_in_humerus, 3, x_axis, 1),
-        "elbow_on_ulna": _IN_NODE + _hinge_frame(limb.elbow_axis_in_ulna, 3, x_axis, 1),
-        "wrist_on_radius": _IN_NODE + _hinge_frame(limb.wrist_flexion_axis_in_radius, 3, deviation_in_radius, 2),
-        "wrist_on_hand": _IN_NODE + _hinge_frame(np.array([0.0, 0.0, 1.0]), 3, limb.wrist_deviation_axis_in_hand, 2),
-        "grip_on_control": _IN_NODE + along,
-        "grip_in_hand": _IN_NODE + vector(limb.grip_in_hand),
-    }
+        GH=vector(torso[0]),
+        poses=[(f"{name.upper()}_{S}", _pose_text(poses[f"{name}_{SUFFIX[limb.side]}"])) for name in SEGMENTS],
+        HU=_IN_NODE + vector(limb.HU_in_humerus),
+        HR=_IN_NODE + vector(limb.HR_in_humerus),
+        UH=_IN_NODE + vector(limb.UH_in_radius),
+        W=_IN_NODE + vector(limb.W_in_radius),
+        elbow_on_humerus=_IN_NODE + _hinge_frame(limb.elbow_axis_in_humerus, 3, x_axis, 1),
+        elbow_on_ulna=_IN_NODE + _hinge_frame(limb.elbow_axis_in_ulna, 3, x_axis, 1),
+        wrist_on_radius=_IN_NODE + _hinge_frame(limb.wrist_flexion_axis_in_radius, 3, deviation_in_radius, 2),
+        wrist_on_hand=_IN_NODE + _hinge_frame(np.array([0.0, 0.0, 1.0]), 3, limb.wrist_deviation_axis_in_hand, 2),
+        grip_on_control=_IN_NODE + along,
+        grip_in_hand=_IN_NODE + vector(limb.grip_in_hand),
+    )
 
 
-def _inertia_text(segment: Segment, name: str) -> tuple[list[tuple[str, str, str]], dict[str, str]]:
+def _inertia_text(segment: Segment, name: str) -> tuple[list[tuple[str, str, str]], SimpleNamespace]:
     """Constants of one bone, and the arguments of its body card."""
     J = segment.inertia_kg_m2
     constants = [(f"{name}_MASS", number(segment.mass_kg), "kg")]
@@ -199,33 +199,30 @@ def _inertia_text(segment: Segment, name: str) -> tuple[list[tuple[str, str, str
         entries += [("JXY", J[0, 1]), ("JXZ", J[0, 2]), ("JYZ", J[1, 2])]
         inertia = f"sym, {name}_JX, {name}_JXY, {name}_JXZ, {name}_JY, {name}_JYZ, {name}_JZ"
     constants += [(f"{name}_{key}", number(float(value)), "kg m^2") for key, value in entries]
-    return constants, {"name": name, "mass": f"{name}_MASS", "com": com, "inertia": inertia}
+    return constants, SimpleNamespace(name=name, mass=f"{name}_MASS", com=com, inertia=inertia)
 
 
 def _muscle_text(
     muscle: Muscle, side: str, activation: float, length_m: float, activation_check: bool
-) -> dict[str, str]:
+) -> SimpleNamespace:
     S = SUFFIX[side].upper()
 
-    def node(body: str) -> str:
-        return "SEAT" if body == "torso" else f"{body.upper()}_{S}"
+    def end(body: str, point: np.ndarray) -> str:
+        if body == "torso":
+            return f"SEAT, position, reference, GLENOHUMERAL_{S}, {vector(point)}"
+        return f"{body.upper()}_{S}, position, {_IN_NODE}{vector(point)}"
 
-    def point(body: str, position: np.ndarray) -> str:
-        return (f"reference, GLENOHUMERAL_{S}, " if body == "torso" else _IN_NODE) + vector(position)
-
-    return {
-        "name": f"{muscle.name.upper()}_{S}",
-        "full_name": muscle.full_name,
-        "L0": number(muscle.l0_m),
-        "F0": number(muscle.F0_N),
-        "activation": number(activation),
-        "length": number(length_m),
-        "origin_node": node(muscle.origin_body),
-        "origin": point(muscle.origin_body, muscle.origin_m),
-        "insertion_node": node(muscle.insertion_body),
-        "insertion": point(muscle.insertion_body, muscle.insertion_m),
-        "check": "yes" if activation_check else "no",
-    }
+    return SimpleNamespace(
+        name=f"{muscle.name.upper()}_{S}",
+        full_name=muscle.full_name,
+        L0=number(muscle.l0_m),
+        F0=number(muscle.F0_N),
+        activation=number(activation),
+        length=number(length_m),
+        origin=end(muscle.origin_body, muscle.origin_m),
+        insertion=end(muscle.insertion_body, muscle.insertion_m),
+        check="yes" if activation_check else "no",
+    )
 
 
 def _pilot_lines(body: Body, cockpit: Cockpit) -> list[str]:
@@ -275,8 +272,8 @@ def render_posture(body: Body, cockpit: Cockpit, guess: PostureGuess) -> str:
         inceptor = cockpit.inceptors[side]
         arm = _arm_text(limb, inceptor, cockpit.torso[side], guess.nodes)
         base = 140 if side == "left" else 150
-        arm["labels"] += [(f"{name}_{arm['S']}", base + i) for i, name in enumerate(_SPRINGS, start=1)]
-        arm.update(_spring_frames(limb, inceptor, cockpit.torso[side]))
+        arm.labels += [(f"{name}_{arm.S}", base + i) for i, name in enumerate(_SPRINGS, start=1)]
+        arm.__dict__.update(_spring_frames(limb, inceptor, cockpit.torso[side]))
         arms.append(arm)
     return _template("posture.mbd.j2").render(
         purpose="posture.mbd - how the pilot holds the controls: equilibrium of ergonomic springs, without gravity.",
@@ -451,16 +448,16 @@ def _render_pilot(
     length = iter(np.asarray(lengths).tolist())
     for side, limb in body.limbs.items():
         arm = _arm_text(limb, cockpit.inceptors[side], cockpit.torso[side], posture.nodes)
-        S = arm["S"]
-        arm["constants"], arm["bodies"] = [], []
+        S = arm.S
+        arm.constants, arm.bodies = [], []
         for name in SEGMENTS:
             constants, card = _inertia_text(limb.segments[name], f"{name.upper()}_{S}")
-            arm["constants"] += constants
-            arm["bodies"].append(card)
-        arm["muscles"] = [_muscle_text(m, side, next(activation), next(length), activation_check) for m in limb.muscles]
+            arm.constants += constants
+            arm.bodies.append(card)
+        arm.muscles = [_muscle_text(m, side, next(activation), next(length), activation_check) for m in limb.muscles]
         base = 200 if side == "left" else 300
-        arm["labels"] += [(m["name"], base + i) for i, m in enumerate(arm["muscles"], start=1)]
-        arm["activation_comment"] = activation_comment
+        arm.labels += [(m.name, base + i) for i, m in enumerate(arm.muscles, start=1)]
+        arm.activation_comment = activation_comment
         arms.append(arm)
     return _template("pilot.mbd.j2").render(
         purpose=purpose,

@@ -195,18 +195,18 @@ def _two_link_start(geometry: ArmGeometry, torso: Pose, handle: Pose) -> np.ndar
 def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple[np.ndarray, ArmPose]:
     """Coordinates of a right arm with the least spring energy and the grip on the handle.
 
-    Newton's method on the Lagrangian, energy + multipliers . (grip - handle). The Hessian keeps the curvature of the
-    grip's path (serial chain) and drops that of the grip's orientation.
+    Newton's method on the Lagrangian, energy + multipliers . (grip - handle). The Hessian has the curvature of the
+    hand's path; the wobble of the radius and the curvature of the shoulder's rotation vector are left out, so that the
+    last digits are the solver's business.
     """
     e = ergonomics()
     K1, K3, k_grip = e.K1_Nm_per_rad, e.K3_Nm_per_rad3, e.grip_Nm_per_rad
     R_neutral = rotation(e.neutral_rad[:3])
     R_handle = handle[1]
     q = _two_link_start(geometry, torso, handle)
-    multipliers = np.zeros(3)
+    multipliers: np.ndarray = np.zeros(3)
     system, right = np.zeros((10, 10)), np.empty(10)
     J = np.eye(7)
-    step: np.ndarray
     for _ in range(_GUESS_ITERATIONS):
         pose = forward(geometry, q, torso)
         R_shoulder = rotation(q[:3])
@@ -218,7 +218,7 @@ def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple
         rate = rotation_vector_rate(tilt) @ R_handle.T
         J_tilt = rate @ pose.axes
         couple = rate.T @ (k_grip * tilt)
-        # half of the couple's term: the couple turns half as fast as the hand (antisymmetric part of its own derivative)
+        # half of the couple's term: the couple itself turns half as fast as the hand
         curvature = _path_curvature(pose.axes, pose.arms, multipliers)
         curvature += _path_curvature(pose.axes, pose.axes, 0.5 * couple)
         hessian = J.T @ ((K1 + 3.0 * K3 * stretch**2)[:, None] * J) + J_tilt.T @ (k_grip[:, None] * J_tilt)
@@ -234,9 +234,8 @@ def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple
         factor = min(1.0, _GUESS_STEP_RAD / largest)
         multipliers = factor * solution[7:]
         settled = largest < _GUESS_SETTLED_RAD and float(np.max(np.abs(gap))) < _GUESS_CLOSED_M
-        step = factor * step
-        q[3:] += step[3:]
-        q[:3] = rotation_vector(rotation(step[:3]) @ R_shoulder)
+        q[3:] += factor * step[3:]
+        q[:3] = rotation_vector(rotation(factor * step[:3]) @ R_shoulder)
         if settled:
             break
     return q, forward(geometry, q, torso)
@@ -245,8 +244,8 @@ def _most_comfortable(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple
 def _path_curvature(axes: np.ndarray, arms: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Second derivative (7, 7) of weights . (motion of the hand) along a serial chain, symmetric.
 
-    With i proximal to j it is a_i . (b_j x weights), b_j being what coordinate j moves: velocity of the grip (`arms`) or
-    angular velocity (`axes`).
+    With i proximal to j it is a_i . (b_j x weights), b_j being what coordinate j moves: velocity of the grip (`arms`)
+    or angular velocity (`axes`).
     """
     wx, wy, wz = weights.tolist()
     turned = np.stack((arms[1] * wz - arms[2] * wy, arms[2] * wx - arms[0] * wz, arms[0] * wy - arms[1] * wx))
