@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -282,7 +283,17 @@ def _cockpit(value: Value | None) -> str | dict[str, Any] | None:
         return None
     if not isinstance(value.data, str | dict):
         raise value.error("must be the name of a bundled cockpit or a mapping of cockpit values")
+    _all_finite(value)
     return value.data
+
+
+def _all_finite(value: Value) -> None:
+    # What the entries mean is checked by the cockpit; here they only have to be values that a hash can be made of.
+    if isinstance(value.data, float) and not math.isfinite(value.data):
+        raise value.error("is not finite; a number is wanted")
+    if isinstance(value.data, dict | list):
+        for key in value.data if isinstance(value.data, dict) else range(len(value.data)):
+            _all_finite(value.child(key))
 
 
 def _nominal(value: Value, model: str) -> dict[str, float]:

@@ -284,6 +284,11 @@ MISTAKES = [
     ),
     (
         "nominal:",
+        "cockpit: {a: {b: [1, .nan]}}\nnominal:",
+        "s.yaml:10: cockpit.a.b[1] = nan is not finite; a number is wanted",
+    ),
+    (
+        "nominal:",
         "cockpit: 3\nnominal:",
         "s.yaml:10: cockpit = 3 must be the name of a bundled cockpit or a mapping of cockpit values",
     ),
