@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -146,13 +146,21 @@ class _Intervals:
     def take(self, which: BoolArray) -> _Intervals:
         return _Intervals(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
-    def bernstein(self) -> ComplexArray:
-        """Coefficients of the interpolant of L, shape (m, 4)."""
-        return _bernstein(self.x1 - self.x0, self.L0, self.S0, self.L1, self.S1)
+    @cached_property
+    def P(self) -> ComplexArray:
+        """Bernstein coefficients of the cubic Hermite interpolant of L, shape (m, 4)."""
+        P = np.empty((self.x0.size, 4), dtype=complex)
+        third = (self.x1 - self.x0) / 3.0
+        P[:, 0], P[:, 3] = self.L0, self.L1
+        P[:, 1] = self.L0 + third * self.S0
+        P[:, 2] = self.L1 - third * self.S1
+        return P
 
+    def circle(self) -> FloatArray:
+        """Bernstein coefficients of |interpolant|^2 - 1, shape (m, 7)."""
+        products: FloatArray = (self.P[:, :, None] * self.P.conj()[:, None, :]).real.reshape(-1, 16)
+        return products @ _SQUARE - 1.0
 
-def _bernstein(h: FloatArray, L0: ComplexArray, S0: ComplexArray, L1: ComplexArray, S1: ComplexArray) -> ComplexArray:
-    return np.stack((L0, L0 + h * S0 / 3.0, L1 - h * S1 / 3.0, L1), axis=-1)
 
 
 @cache
@@ -376,7 +384,7 @@ class _Search:
 
     def _sort_out(self, v: _Intervals) -> _Intervals:
         """Queue a job for every interval that can be judged; return those to split."""
-        P = v.bernstein()
+        P = v.P
         axis, axis_error = P.imag.copy(), v.error.copy()
         biggest = np.abs(P).max(axis=1)
         # Some of it may be in the left half plane, and of a size that counts.
@@ -390,7 +398,7 @@ class _Search:
                 continue
             K, axis[i] = end.axis_coefficients(float(v.x1[i]), complex(v.L1[i]), complex(v.S1[i]))
             axis_error[i] = 4.0 * v.error_K[i] if v.error_K[i] == v.error_K[i] else _FIRST_ERROR * np.abs(K).max()
-        circle = ((P[:, :, None] * P.conj()[:, None, :]).reshape(-1, 16).real @ _SQUARE) - 1.0
+        circle = v.circle()
         circle_error = (2.0 * biggest + v.error) * v.error
 
         wait_axis = self._judge(_REAL_AXIS, v, v.check_axis & left, axis, axis_error)
@@ -433,7 +441,7 @@ class _Search:
     def _split(self, v: _Intervals) -> _Intervals:
         x = 0.5 * (v.x0 + v.x1)
         L, S, size = self.locus.first(x, v.tail)
-        P = v.bernstein()
+        P = v.P
         error = np.abs(L - (P[:, 0] + 3.0 * P[:, 1] + 3.0 * P[:, 2] + P[:, 3]) / 8.0)
         child_error = 0.25 * error + _EPS * size
         error_K = np.full(x.size, np.nan)
@@ -493,12 +501,10 @@ class _Search:
 
     def _on_boundary(self, v: _Intervals) -> None:
         """A locus that lies on the circle or the negative axis over a band counts once, where it is nearest to -1."""
-        P = v.bernstein()
+        P = v.P
         biggest = np.abs(P).max(axis=1)
         on_axis = (np.abs(P.imag).max(axis=1) <= _TOUCH * biggest) & (P.real.max(axis=1) < 0.0)
-        on_circle = np.abs((P[:, :, None] * P.conj()[:, None, :]).reshape(-1, 16).real @ _SQUARE - 1.0).max(
-            axis=1
-        ) <= _TOUCH
+        on_circle = np.abs(v.circle()).max(axis=1) <= _TOUCH
         with np.errstate(divide="ignore"):
             for kind, band, cost in (
                 (_REAL_AXIS, on_axis, lambda L: np.abs(np.log(np.abs(L)))),
@@ -517,7 +523,7 @@ class _Search:
 
     def _queue_minima(self, grid: _Samples) -> None:
         v = grid.intervals
-        locus = v.bernstein() @ _basis(3)
+        locus = v.P @ _basis(3)
         step = (v.x1 - v.x0) / (_GUESS_POINTS - 1)
         for kind, size in ((_NEAREST, _distance(locus)), (_DISK, _disk_size(locus))):
             lowest = size.min(axis=1)

@@ -112,7 +112,7 @@ class StateSpaceModel:
         Returns
         -------
         ndarray
-            Complex response, the shape of `omega`; infinite exactly at a pole on the imaginary axis.
+            Complex response, the shape of `omega`; not finite exactly at a pole.
         """
         w = np.asarray(omega, dtype=float)
         return (self.D + self._solve(1j * w.reshape(-1))).reshape(w.shape)
@@ -128,7 +128,7 @@ class StateSpaceModel:
         with np.errstate(divide="ignore", invalid="ignore"):
             for k in range(self.n_states - 1, -1, -1):
                 x[k] = (form.b[k] + form.T[k, k + 1 :] @ x[k + 1 :]) / (s - form.T[k, k])
-        return form.c @ x
+            return np.asarray(form.c @ x)
 
     def scaled(self, gain: float) -> StateSpaceModel:
         """The model with its output multiplied by `gain`."""

@@ -1,0 +1,76 @@
+"""Heave and coning: the paper's poles, and the equations (32) put to the test by substitution.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pilotgen.helicopter import HeaveModel
+from pilotgen.rotorcraft import load_rotorcraft
+
+OMEGA = 2.0 * math.pi * np.geomspace(0.01, 30.0, 23)
+
+
+@pytest.fixture(scope="module")
+def puma() -> HeaveModel:
+    return HeaveModel(load_rotorcraft("iar330-puma"))
+
+
+def test_poles_of_the_puma(puma: HeaveModel) -> None:
+    # Known answers printed with four and three decimals.
+    heave, *coning = puma.poles
+    assert heave.real == pytest.approx(-0.8199, abs=5e-5) and heave.imag == 0.0
+    for pole in coning:
+        assert pole.real == pytest.approx(-15.019, abs=5e-4)
+        assert abs(pole.imag) == pytest.approx(25.059, abs=5e-4)
+
+
+def test_response_satisfies_equation_32(puma: HeaveModel) -> None:
+    """Solve (32a) and (32b), each term written as printed, for z and beta with theta = 1."""
+    r = puma.rotorcraft
+    m, n_b, R = r.mass_kg, r.blades, r.rotor_radius_m
+    Om, gamma = 2.0 * math.pi * r.rotor_speed_hz, r.lock_number
+    S, inertia, nu = r.flap_static_moment_kg_m, r.flap_inertia_kg_m2, r.flap_frequency_ratio
+    expected = []
+    for s in 1j * OMEGA:
+        lhs = np.array(
+            [
+                [
+                    m * s**2 + n_b * gamma / 4 * Om * inertia / R**2 * s,
+                    n_b * S * s**2 + n_b * gamma / 6 * Om * inertia / R * s,
+                ],
+                [
+                    n_b * S * s**2 + n_b * gamma / 6 * Om * inertia / R * s,
+                    n_b * inertia * s**2 + n_b * gamma / 8 * Om * inertia * s + n_b * inertia * nu**2 * Om**2,
+                ],
+            ]
+        )
+        rhs = np.array([n_b * gamma / 6 * Om**2 * inertia / R, n_b * gamma / 8 * Om**2 * inertia])
+        expected.append(s**2 * np.linalg.solve(lhs, rhs)[0])
+    np.testing.assert_allclose(puma.response(OMEGA), expected, rtol=1e-11)
+
+
+def test_transfer_function_coefficients_give_the_same_response(puma: HeaveModel) -> None:
+    numerator, denominator = puma.transfer_function
+    assert denominator[0] == 1.0
+    s = 1j * OMEGA
+    np.testing.assert_allclose(
+        np.polyval(numerator, s) / np.polyval(denominator, s), puma.response(OMEGA), rtol=1e-11
+    )
+    np.testing.assert_allclose(np.sort_complex(np.roots(denominator)), np.sort_complex(puma.poles), rtol=1e-10)
+
+
+def test_states_are_zdot_beta_betadot(puma: HeaveModel) -> None:
+    model = puma.state_space
+    np.testing.assert_array_equal(model.A[1], [0.0, 0.0, 1.0])  # d beta / dt = betadot
+    np.testing.assert_array_equal(model.C, model.A[0])  # the output is the rate of the first state
+    assert model.B[0] == model.D
+
+
+def test_steady_climb_needs_no_acceleration(puma: HeaveModel) -> None:
+    assert abs(puma.response(0.0)) < 1e-10

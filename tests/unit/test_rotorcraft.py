@@ -1,0 +1,90 @@
+"""Rotorcraft by name and by numbers; every wrong entry is refused with a message that helps.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pilotgen.errors import FileError, StudyError
+from pilotgen.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft, rotorcraft_report
+
+PUMA: dict[str, Any] = {
+    "mass_kg": 7345.0,
+    "blades": 4,
+    "rotor_radius_m": 7.49,
+    "rotor_speed_hz": 4.5,
+    "lock_number": 8.7,
+    "flap_static_moment_kg_m": 276.48,
+    "flap_inertia_kg_m2": 1339.19,
+    "flap_frequency_ratio": 1.03,
+}
+
+
+def test_puma_is_table_1() -> None:
+    puma = load_rotorcraft("iar330-puma")
+    assert {key: getattr(puma, key) for key in PUMA} == PUMA
+    assert puma.name == "IAR 330 Puma"
+    assert "Table 1" in puma.source
+
+
+@pytest.mark.parametrize("name", bundled_rotorcraft())
+def test_every_bundled_rotorcraft_loads_and_names_its_source(name: str) -> None:
+    assert load_rotorcraft(name).source != Rotorcraft(**PUMA).source
+
+
+def test_mapping_equals_bundled_numbers() -> None:
+    own = load_rotorcraft({**PUMA, "name": "mine"})
+    assert own.name == "mine"
+    assert own.rotor_speed_hz == load_rotorcraft("iar330-puma").rotor_speed_hz
+
+
+@pytest.mark.parametrize(
+    ("rotorcraft", "words"),
+    [
+        ("iar330puma", ["did you mean 'iar330-puma'", "bundled"]),
+        ("zeppelin", ["'zeppelin' is not known", "iar330-puma", "mass_kg"]),
+        (4.5, ["neither a bundled name", "mapping"]),
+        ({**PUMA, "rotor_speed_hz": 265}, ["265 Hz", "rpm", "4.42 Hz"]),
+        ({**PUMA, "rotor_speed_hz": 28.27}, ["rad/s", "4.5 Hz"]),
+        ({**PUMA, "rotor_speed_hz": float("nan")}, ["rotor_speed_hz"]),
+        ({**PUMA, "rotor_speed_rpm": 265}, ["rotor_speed_rpm", "rotor_speed_hz: 4.417"]),
+        ({**PUMA, "rotor_speed_rad_s": 28.27}, ["rotor_speed_hz: 4.499"]),
+        ({**PUMA, "rotor_speed_rpm": "fast"}, ["given in Hz"]),
+        ({**PUMA, "mass": 7345}, ["unknown key mass", "did you mean mass_kg"]),
+        ({key: value for key, value in PUMA.items() if key != "blades"}, ["missing key blades"]),
+        ({**PUMA, "blades": 4.5}, ["whole number"]),
+        ({**PUMA, "blades": float("inf")}, ["whole number"]),
+        ({**PUMA, "blades": 0}, ["blades", "1 to 10"]),
+        ({**PUMA, "lock_number": "8.7"}, ["lock_number", "must be a number"]),
+        ({**PUMA, "mass_kg": True}, ["mass_kg", "must be a number"]),
+        ({**PUMA, "mass_kg": 7.345}, ["mass_kg", "kg"]),
+        ({**PUMA, "rotor_radius_m": 7490}, ["rotor_radius_m", "metres"]),
+        ({**PUMA, "flap_frequency_ratio": 0.9}, ["flap_frequency_ratio"]),
+        ({**PUMA, "flap_static_moment_kg_m": 2000}, ["flap_static_moment_kg_m", "too large"]),
+        ({**PUMA, "name": 3}, ["name", "text"]),
+    ],
+)
+def test_wrong_entries_are_refused(rotorcraft: Any, words: list[str]) -> None:
+    with pytest.raises(StudyError) as caught:
+        load_rotorcraft(rotorcraft)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_report_prints_poles_and_coefficients_and_draws(tmp_path: Path) -> None:
+    text = rotorcraft_report("iar330-puma", tmp_path / "new")
+    assert "-0.8199" in text and "-15.0194 +- 25.0588i" in text
+    assert "98799.5" in text  # numerator, coefficient of s
+    assert (tmp_path / "new" / "rotorcraft-bode.png").stat().st_size > 10_000
+    assert "png" not in rotorcraft_report(PUMA)
+
+
+def test_report_in_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot write"):
+        rotorcraft_report("iar330-puma", tmp_path / "file" / "below")
