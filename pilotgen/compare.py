@@ -15,7 +15,7 @@ from pilotgen.descriptor import Floats
 from pilotgen.errors import FileError, MatrixError
 from pilotgen.matrices import Matrices, descriptor, read_matrices
 from pilotgen.mbdyn_files import read_mbdyn
-from pilotgen.modal import Complexes, ModalModel, modes
+from pilotgen.modal import ModalModel, modes
 
 _OUR_SUFFIXES, _MBDYN_SUFFIXES = (".h5", ".hdf5"), (".nc", ".m")
 MOST_SHOWN = 5  # entries of each matrix that a message names
@@ -132,7 +132,8 @@ def run_compare(
 ) -> tuple[str, int]:
     """Compare two files; return the text to print and 0 if they agree within the tolerance, 1 if not.
 
-    When one file is ours and the other MBDyn's, ours lends the names and tells velocity constraints from holonomic ones.
+    When one file is ours and the other MBDyn's, ours lends the names and tells velocity constraints from holonomic
+    ones.
     """
     for path in (path_a, path_b):
         if Path(path).suffix not in (*_OUR_SUFFIXES, *_MBDYN_SUFFIXES):
@@ -158,11 +159,15 @@ def report(comparison: Comparison) -> str:
         lines.append("     A                        B                        relative difference")
         lines += [f"     {_mode(m.a):<24} {_mode(m.b):<24} {m.relative:.2e}" for m in comparison.modes]
     for matrix in comparison.matrices:
-        lines += ["", f"{matrix.name}: largest difference {matrix.largest:.3e}, {matrix.relative:.2e} of the largest entry"]
+        lines.append("")
+        lines.append(
+            f"{matrix.name}: largest difference {matrix.largest:.3e}, {matrix.relative:.2e} of the largest entry"
+        )
         if matrix.n_beyond:
             lines.append(f"     {matrix.n_beyond} entries beyond the tolerance; the largest:")
         lines += [
-            f"     {matrix.name}[{entry.row}, {entry.column}]: A {entry.a:.17g}, B {entry.b:.17g}" for entry in matrix.entries
+            f"     {matrix.name}[{entry.row}, {entry.column}]: A {entry.a:.17g}, B {entry.b:.17g}"
+            for entry in matrix.entries
         ]
     verdict = "agree" if comparison.agree else "DIFFER"
     lines += ["", f"A and B {verdict} at a relative tolerance of {comparison.tolerance:g}"]
@@ -179,8 +184,9 @@ def _check_same_unknowns(a: Matrices, b: Matrices) -> None:
         if len(differing):
             k = int(differing[0])
             raise MatrixError(
-                f"unknown {k} is {a.dof_names[k]} ({a.dof_kinds[k]}) in {a.path} but {b.dof_names[k]} ({b.dof_kinds[k]}) in "
-                f"{b.path}, and {len(differing)} unknowns differ by {what}: they are not models of the same deck"
+                f"unknown {k} is {a.dof_names[k]} ({a.dof_kinds[k]}) in {a.path} but {b.dof_names[k]} "
+                f"({b.dof_kinds[k]}) in {b.path}, and {len(differing)} unknowns differ by {what}: "
+                "they are not models of the same deck"
             )
 
 
@@ -204,7 +210,7 @@ def _pair_modes(a: ModalModel, b: ModalModel) -> tuple[ModeDifference, ...]:
     for lam in a.lam[a.lam.imag >= 0.0]:
         if left:
             k = int(np.argmin(np.abs(np.array(left) - lam)))
-            partner: Complexes = left.pop(k)
+            partner = left.pop(k)
             pairs.append(ModeDifference(complex(lam), complex(partner), float(abs(lam - partner) / abs(lam))))
         else:
             pairs.append(ModeDifference(complex(lam), None, float("inf")))

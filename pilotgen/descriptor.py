@@ -10,7 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Numbers = NDArray[Any]  # real or complex
 Indices = NDArray[np.intp]
 
 NODE_COORDINATES = 6  # position x y z and rotation gx gy gz of one node
@@ -78,7 +80,7 @@ class DescriptorModel:
         return np.flatnonzero(np.char.startswith(self.names, owner.encode() + b"."))
 
     def restrict(self, keep: Indices) -> DescriptorModel:
-        """Return the model of the unknowns and rows `keep` (ascending); nodes and joints are kept whole or not at all."""
+        """Return the model of the unknowns and rows `keep` (ascending): nodes and joints whole or not at all."""
         position = np.full(len(self.names), -1, dtype=np.intp)
         position[keep] = np.arange(len(keep))
         new_momenta = position[self.momenta]

@@ -2,9 +2,9 @@
 
     H_BDFT(s) = phi / zddot = sum_k  C_k (lam_k B1_k + B2_k) / (lam_k^2 (s - lam_k))
 
-is exact: the paper's projection drops the direct term of the imposed motion, this form does not (docs/theory/projection.md).
-Every model carries the descriptor model it came from, so that `certificate` can measure it against the full-order
-response. Signs: a positive collective rotation is lever up, more collective; heave is positive up.
+is exact: the paper's projection drops the direct term of the imposed motion, this form does not
+(docs/theory/projection.md). Every model carries the descriptor model it came from, so that `certificate` can measure it
+against the full-order response. Signs: positive collective rotation is lever up, more collective; positive heave is up.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pilotgen.check import check_choice, check_positive
-from pilotgen.descriptor import DescriptorModel, Floats
+from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Numbers
 from pilotgen.errors import MatrixError
 from pilotgen.matrices import Matrices, descriptor
 from pilotgen.modal import ModalModel, SecondOrderForm, independent_constraints, modes, second_order_form
-from pilotgen.pilot_model import Complexes, PilotModel, real_blocks
+from pilotgen.pilot_model import PilotModel, real_blocks
 
 PROJECTIONS = ("exact", "literal")
 COLLECTIVE = "collective_rotation"
@@ -30,7 +30,7 @@ COLLECTIVE = "collective_rotation"
 # are below 1e-12; a spring to the ground of 1e-6 of the stiffest muscle is far above.
 TRANSLATION_LIMIT = 1e-9
 CERTIFICATE_BAND_HZ = (0.1, 20.0)
-_CERTIFICATE_POINTS = 20  # a wrong model of 4 to 10 poles cannot agree with the right one at 20 points
+_CERTIFICATE_POINTS = 12  # 24 real equations; two different models of up to 11 poles cannot agree at all of them
 
 _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {
     COLLECTIVE: {"lever.gz": 1.0},  # hinge axis z (right): x (forward, along the lever) turns to y (up)
@@ -50,8 +50,8 @@ class Channels:
     seat_joint : str
         Joint that holds the seat; its reactions and equations go with the seat.
     outputs : mapping of str to mapping of str to float
-        Each output as a sum of weighted unknowns [rad]; the collective rotation must come first. Outputs whose unknowns are
-        not in the model are left out, except the collective.
+        Each output as a sum of weighted unknowns [rad]; the collective rotation must come first. Outputs whose unknowns
+        are not in the model are left out, except the collective.
     """
 
     imposed: str = "seat.y"
@@ -93,8 +93,8 @@ class Plant:
 def split(model: DescriptorModel, channels: Channels | None = None) -> Plant:
     """Split the unknowns into free and imposed ones.
 
-    The seat's node goes out whole with its equations, and so does the joint that holds it; what stays of the seat is the
-    column of the imposed translation.
+    The seat's node goes out whole with its equations, and so does the joint that holds it; what stays of the seat is
+    the column of the imposed translation.
 
     Raises
     ------
@@ -150,8 +150,8 @@ def split(model: DescriptorModel, channels: Channels | None = None) -> Plant:
 def translation_error(plant: Plant, direction: str) -> float:
     """Return the largest relative violation of the invariance to translation along the imposed direction.
 
-    A pilot who touches nothing but the cockpit feels no force when cockpit and pilot translate together, at rest or at a
-    constant rate: then phi/z has a double zero at s = 0, which the exact formula rests on.
+    A pilot who touches nothing but the cockpit feels no force when cockpit and pilot translate together, at rest or at
+    a constant rate: then phi/z has a double zero at s = 0, which the exact formula rests on.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def make_pilot_model(
     Raises
     ------
     MatrixError
-        The model is not that of a pilot in a cockpit: names are missing, a motion is free or meets no resistance, or it is not
+        The model is not that of a pilot in a cockpit: names are missing, a motion is free, or the model is not
         invariant to vertical translation.
     """
     check_choice("projection", projection, PROJECTIONS)
@@ -214,10 +214,10 @@ def make_pilot_model(
             f"the model changes when cockpit and pilot translate together (relative violation {violation:.2g}, limit "
             f"{TRANSLATION_LIMIT:.0e}): something besides the seat is held by the ground"
         )
-    modal = modes(plant.free)
+    modal = modes(plant.free, plant.form)
     if modal.n_zero:
         raise MatrixError(
-            f"the pilot has {modal.n_zero} eigenvalues at zero: some part moves freely, so its feedthrough is not defined; "
+            f"the pilot has {modal.n_zero} eigenvalues at zero: some part moves freely and has no feedthrough; "
             "every joint needs muscles, a spring or a hand that holds it"
         )
     A, B, C, D, parts = _literal(plant, modal) if projection == "literal" else _exact(plant, modal)
@@ -246,7 +246,7 @@ def _exact(plant: Plant, modal: ModalModel) -> _Realisation:
     C = plant.output_matrix @ modal.V_R
     if not modal.diagonal:
         A = modal.A.real
-        B = np.linalg.solve(A, B1.real + np.linalg.solve(A, B2.real))
+        B: Numbers = np.linalg.solve(A, B1.real + np.linalg.solve(A, B2.real))
         return A, B, C.real, np.zeros(len(C)), None
     residues = C * ((modal.lam * B1 + B2) / modal.lam**2)
     return (*real_blocks(modal.lam, residues), np.zeros(len(C)), (modal.lam, residues))
@@ -269,8 +269,8 @@ def _literal(plant: Plant, modal: ModalModel) -> _Realisation:
 def full_order_response(plant: Plant, omega: ArrayLike) -> Complexes:
     """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2, shape (len(omega), p) [rad per m/s^2].
 
-    One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly. Nothing of the modal
-    route is used. `omega` in rad/s, shape (m,).
+    One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly. Nothing of the
+    modal route is used. `omega` in rad/s, shape (m,).
     """
     form, free = plant.form, plant.free
     s = 1j * np.asarray(omega, dtype=float).reshape(-1)
@@ -306,7 +306,7 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> f
     model : PilotModel
         A model made from matrices (it carries them).
     frequencies_hz : array_like, optional
-        Where to compare [Hz]; by default 20 points from 0.1 to 20 Hz and the pilot's own frequencies in between.
+        Where to compare [Hz]; by default 12 points from 0.1 to 20 Hz and the pilot's own frequencies in between.
 
     Raises
     ------
@@ -314,7 +314,7 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> f
         If the model carries no descriptor model (Mayo's pilots, models read from a file).
     """
     if model.plant is None:
-        raise MatrixError(f"a pilot model of projection '{model.projection}' carries no matrices to be certified against")
+        raise MatrixError(f"a pilot model of projection '{model.projection}' carries no matrices to certify it against")
     if frequencies_hz is None:
         low, high = CERTIFICATE_BAND_HZ
         own = np.abs(model.poles[model.poles.imag > 0.0]) / (2.0 * np.pi)
@@ -331,7 +331,11 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> f
 
 
 def mayo_pilot(
-    frequency_hz: float, damping: float, time_constant_s: float, lever_length_m: float, washout_rad_s: float | None = 3.10
+    frequency_hz: float,
+    damping: float,
+    time_constant_s: float,
+    lever_length_m: float,
+    washout_rad_s: float | None = 3.10,
 ) -> PilotModel:
     """Return a pilot of Mayo's form (paper eq. (39)-(40)).
 

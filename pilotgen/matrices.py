@@ -1,8 +1,8 @@
 """Read and write matrices files: one linearised model, names included.
 
-The format is docs/io_formats/matrices.md. A search reads thousands of these files, hence HDF5's low-level interface, and
-only what every reader needs (the matrix pair and the names of the unknowns) is read at once; the tables of nodes, joints,
-inputs, muscles and the state are read when they are first asked for, or all at once with `complete=True`.
+The format is docs/io_formats/matrices.md. A search reads thousands of these files, hence HDF5's low-level interface.
+With `complete=False` only what every reader needs is read at once (the matrix pair and the names of the unknowns); the
+tables of nodes, joints, inputs, muscles and the state follow when they are first asked for.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -86,9 +86,12 @@ class MuscleTable:
     force: Floats
 
 
-# dataset -> trailing shape; None stands for the number of unknowns n, "k" for the length of the table, "m" for the inputs
+# dataset -> shape; None stands for the number of unknowns n, "k" for the length of the table's first column
 _STATE_SHAPES: dict[str, tuple[object, ...]] = {
-    "y": (None,), "ydot": (None,), "residual": (None,), "equilibrium_residual": (None,)
+    "y": (None,),
+    "ydot": (None,),
+    "residual": (None,),
+    "equilibrium_residual": (None,),
 }
 _TABLES: dict[str, tuple[type, dict[str, tuple[object, ...]]]] = {
     "state": (State, _STATE_SHAPES),
@@ -224,7 +227,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     path : path
         The file.
     complete : bool
-        Read and check every table now. With False the tables are read when first used: the file must still be there then.
+        Read and check every table now. With False the tables are read when first used, from the file as it is then.
 
     Raises
     ------
@@ -288,7 +291,8 @@ def _open(path: str) -> h5f.FileID:
     except OSError as error:
         if os.path.isdir(path) or not os.access(path, os.R_OK):
             raise FileError(f"{path}: cannot be read; expected a matrices file written by mbdae") from error
-        raise MatrixError(f"{path} is not a {FILETYPE} file: it is not HDF5, or it was not written to its end") from error
+        message = f"{path} is not a {FILETYPE} file: it is not HDF5, or it was not written to its end"
+        raise MatrixError(message) from error
 
 
 def _check_stranger(file: h5f.FileID, path: str) -> None:

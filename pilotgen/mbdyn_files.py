@@ -1,8 +1,8 @@
 """Read the matrices that MBDyn writes (NetCDF `.nc`, text `.m`) and bring them to the program's own convention.
 
-MBDyn's Aplus and Aminus differ from the textbook pair J(c), J(-c) by a known scaling of the borders: holonomic constraint
-rows are divided by +-c, and reaction columns are not multiplied by +-c. This is the only place that knows it; everything
-behind it sees the textbook pair. docs/theory/linearisation.md has the derivation.
+MBDyn's Aplus and Aminus differ from the textbook pair J(c), J(-c) by a known scaling of the borders: holonomic
+constraint rows are divided by +-c, and reaction columns are not multiplied by +-c. This is the only place that knows;
+everything behind it sees the textbook pair. docs/theory/linearisation.md has the derivation.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -66,8 +66,8 @@ def read_mbdyn(path: str | os.PathLike[str], layout: Matrices | None = None, ana
         `.nc` (NetCDF, classic or HDF5-based) or `.m` (text, full or sparse matrices).
     layout : Matrices, optional
         Our own file of the same deck: supplies names, kinds, and which constraints are of velocity type. Without it the
-        unknowns are called `node 3.x` and `joint 101.reaction[1]` (by label), and a constraint row counts as velocity type
-        when Aplus and Aminus differ in it; one that does not depend on c (a system at rest) cannot be told from a
+        unknowns are called `node 3.x` and `joint 101.reaction[1]` (by label), and a constraint row counts as velocity
+        type when Aplus and Aminus differ in it; one that does not depend on c (a system at rest) cannot be told from a
         holonomic one by the matrices alone.
     analysis : int, optional
         Which eigenanalysis of a NetCDF file, from 0; default the last (after MBDyn's derivatives phase).
@@ -197,7 +197,8 @@ def read_netcdf(path: str, analysis: int | None = None) -> RawEigenanalysis:
     found = sorted({int(match[1]) for name in variables if (match := re.fullmatch(r"eig\.(\d+)\.dCoef", name))})
     if not found:
         raise MatrixError(
-            f"{path}: holds no eigenanalysis; ask for one with an `eigenanalysis` card (output full matrices, output geometry)"
+            f"{path}: holds no eigenanalysis; ask for one with an `eigenanalysis` card that says "
+            "`output full matrices, output geometry`"
         )
     k = found[-1] if analysis is None else analysis
     if k not in found:

@@ -1,9 +1,9 @@
 """Finite, nonzero eigenvalues of a descriptor model with its right and left vectors.
 
 The pencil (lam g_ydot + g_y) V_R = 0 of a constrained multibody model has mostly infinite eigenvalues. They are removed
-exactly before any eigenvalue is computed: momenta are replaced by their definitions, coordinates are restricted to the null
-space of the constraints, equations to the null space of the reactions. What is left is a small dense problem (4 x 4 for one
-arm on a lever). Theory: docs/theory/projection.md.
+exactly before any eigenvalue is computed: momenta are replaced by their definitions, coordinates are restricted to the
+null space of the constraints, equations to the null space of the reactions. What is left is a small dense problem
+(4 x 4 for one arm on a lever). Theory: docs/theory/projection.md.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -16,20 +16,18 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pilotgen.descriptor import DescriptorModel, Floats, Indices
+from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices, Numbers
 from pilotgen.errors import MatrixError
 
-Complexes = NDArray[np.complex128]
-
-# Entries that the form of the equations of motion demands to be 0 or 1 come from halves of sums and differences of J(+-c):
-# they are exact in our files, and to about eps * max|J| / c in MBDyn's.
+# Entries that the form of the equations of motion demands to be 0 or 1 come from sums and differences of J(+-c): exact
+# in our files, good to about eps * max|J| / c in MBDyn's.
 _FORM_TOLERANCE = 1e-9
 # A constraint counts as dependent on others when its part outside their span is this small against the largest one.
 _RANK_TOLERANCE = 1e-10
-# An eigenvalue counts as zero, or as infinite, when it is this small, or 1 / this large, against the scale of the others.
+# An eigenvalue counts as zero or infinite when it is this small, or 1 / this large, against the scale of the others.
 # Double zeros (rigid motion) come out near sqrt(eps) = 1.5e-8, so does 1/lam of a massless direction (index 2).
 _NEGLIGIBLE = 1e-6
-# Eigenvectors are used as a basis while their condition number is below this; beyond, a real Schur basis takes their place.
+# Eigenvectors are used as a basis while their condition number is below this; beyond, a real basis takes their place.
 _MAX_CONDITION = 1e5
 
 
@@ -86,9 +84,9 @@ class ModalModel:
     """
 
     lam: Complexes
-    V_R: NDArray[np.complex128] | Floats
-    V_L: NDArray[np.complex128] | Floats
-    A: NDArray[np.complex128] | Floats
+    V_R: Numbers
+    V_L: Numbers
+    A: Numbers
     diagonal: bool
     n_zero: int
     n_infinite: int
@@ -151,20 +149,27 @@ def second_order_form(model: DescriptorModel) -> SecondOrderForm:
     )
 
 
-def modes(model: DescriptorModel) -> ModalModel:
-    """Return the modes of finite, nonzero eigenvalue with vectors scaled so that V_L g_ydot V_R = I (paper eq. (16)-(22)).
+def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalModel:
+    """Return the modes of finite, nonzero eigenvalue, scaled so that V_L g_ydot V_R = I (paper eq. (16)-(22)).
 
     Redundant constraints, repeated and defective eigenvalues, velocity-type constraints and directions without mass are
     allowed; docs/theory/projection.md says how each is treated.
+
+    Parameters
+    ----------
+    model : DescriptorModel
+        The model.
+    form : SecondOrderForm, optional
+        Its second-order form, if it is at hand.
 
     Raises
     ------
     MatrixError
         If the pencil is not that of a multibody model, or if it is singular (a motion that no equation determines).
     """
-    form = second_order_form(model)
+    form = second_order_form(model) if form is None else form
     velocity = np.abs(form.Phi_1).max(axis=1, initial=0.0) > _FORM_TOLERANCE
-    N_R, _ = _null_space(form.Phi_0[~velocity])
+    N_R, constraint_solver = _null_space(form.Phi_0[~velocity])
     N_L, reaction_solver = _null_space(form.B.T)
 
     E, F, X_R = _reduced_pencil(form, N_R, N_L, velocity)
@@ -192,9 +197,12 @@ def modes(model: DescriptorModel) -> ModalModel:
     V_L = np.zeros((len(lam), len(model.names)), dtype=A.dtype)
     V_L[:, model.equilibrium_rows] = W
     V_L[:, model.definition_rows] = W_definition
-    # W (A-polynomial of M, C, K) is the left residual without the constraint rows
+    # what the equilibrium and definition rows leave over, for the constraint rows to cancel
     residual = A @ (AW @ form.M) + AW @ form.C + W @ form.K
-    V_L[:, model.reactions] = _constraint_rows(form, velocity, A, residual)
+    if velocity.any():
+        V_L[:, model.reactions] = _velocity_constraint_rows(form, A, residual)
+    else:
+        V_L[:, model.reactions] = -constraint_solver.solve(residual.T).T
     return ModalModel(lam=lam, V_R=V_R, V_L=V_L, A=A, diagonal=diagonal, n_zero=n_zero, n_infinite=n_infinite)
 
 
@@ -210,7 +218,7 @@ class _RangeSolver:
     pivots: Indices
     size: int
 
-    def solve(self, b: NDArray[np.complex128] | Floats) -> NDArray[np.complex128] | Floats:
+    def solve(self, b: Numbers) -> Numbers:
         rank = len(self.R)
         x = np.zeros((self.size, *b.shape[1:]), dtype=b.dtype)
         x[self.pivots[:rank]] = scipy.linalg.solve_triangular(self.R, self.Q.T @ b, check_finite=False)
@@ -251,7 +259,7 @@ def _reduced_pencil(
     return E @ X_R, F @ X_R, X_R
 
 
-def _deflate(E: Floats, F: Floats) -> tuple[Floats, Floats, Floats, int, int]:
+def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int]:
     """Split off zero and infinite eigenvalues of lam E + F.
 
     Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, and the
@@ -268,7 +276,7 @@ def _deflate(E: Floats, F: Floats) -> tuple[Floats, Floats, Floats, int, int]:
         right, left, A = _invariant_subspace(H, threshold, n_zero)
         return right, np.linalg.solve(E.T, left.T).T, A, n_zero, 0
 
-    # Some direction has no mass: work with S = (sigma E + F)^-1 E, whose eigenvalues are 1 / (sigma - lam), zero for infinite.
+    # Some direction has no mass: S = (sigma E + F)^-1 E has the eigenvalues 1 / (sigma - lam), zero for infinite lam.
     sigma = 1.1 * np.linalg.norm(F) / np.linalg.norm(E)  # [rad/s] of the size of the pencil's own eigenvalues
     shifted = sigma * E + F
     if np.linalg.cond(shifted) > 1e13:
@@ -287,7 +295,7 @@ def _deflate(E: Floats, F: Floats) -> tuple[Floats, Floats, Floats, int, int]:
     return right @ inner_right, inner_left @ left, A, n_zero, n_infinite
 
 
-def _invariant_subspace(H: Floats, threshold: float, n_dropped: int) -> tuple[Floats, Floats, Floats]:
+def _invariant_subspace(H: Numbers, threshold: float, n_dropped: int) -> tuple[Numbers, Numbers, Numbers]:
     """Return right, left, A for the eigenvalues of H larger than `threshold`: left right = I, left H right = A."""
     size = len(H)
     if n_dropped == 0:
@@ -304,9 +312,7 @@ def _invariant_subspace(H: Floats, threshold: float, n_dropped: int) -> tuple[Fl
     return Z[:, :kept], left, T[:kept, :kept]
 
 
-def _diagonalise(
-    right: Floats, left: Floats, A: Floats
-) -> tuple[Complexes, NDArray[np.complex128] | Floats, NDArray[np.complex128] | Floats, NDArray[np.complex128] | Floats, bool]:
+def _diagonalise(right: Numbers, left: Numbers, A: Numbers) -> tuple[Complexes, Numbers, Numbers, Numbers, bool]:
     """Turn real bases into eigenvectors where these are a sound basis."""
     lam, T = np.linalg.eig(A)
     # numpy returns conjugate pairs side by side, positive imaginary part first; sort by modulus without parting them
@@ -319,18 +325,9 @@ def _diagonalise(
     return lam, right, left, A, False
 
 
-def _constraint_rows(
-    form: SecondOrderForm,
-    velocity: NDArray[np.bool_],
-    A: NDArray[np.complex128] | Floats,
-    residual: NDArray[np.complex128] | Floats,
-) -> NDArray[np.complex128] | Floats:
+def _velocity_constraint_rows(form: SecondOrderForm, A: Numbers, residual: Numbers) -> Numbers:
     """Return the left vectors' constraint part W_c: A W_c Phi_1 + W_c Phi_0 = -residual."""
-    if not velocity.any():
-        _, solver = _null_space(form.Phi_0)
-        return -solver.solve(residual.T).T
-    r, n_r = len(A), len(form.Phi_0)
     # row-major vec: vec(A W Phi_1) = (A kron Phi_1^T) vec(W)
-    system = np.kron(A, form.Phi_1.T) + np.kron(np.eye(r), form.Phi_0.T)
-    solution: NDArray[np.complex128] | Floats = np.linalg.lstsq(system, -residual.reshape(-1), rcond=_RANK_TOLERANCE)[0]
-    return solution.reshape(r, n_r)
+    system: Numbers = np.kron(A, form.Phi_1.T) + np.kron(np.eye(len(A)), form.Phi_0.T)
+    solution: Numbers = np.linalg.lstsq(system, -residual.reshape(-1), rcond=_RANK_TOLERANCE)[0]
+    return solution.reshape(len(A), len(form.Phi_0))

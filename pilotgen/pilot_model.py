@@ -19,17 +19,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pilotgen.descriptor import Floats
+from pilotgen.descriptor import Complexes, Floats
 from pilotgen.errors import FileError, MatrixError
 
 if TYPE_CHECKING:
     import control
 
     from pilotgen.feedthrough import Plant
-
-Complexes = NDArray[np.complex128]
 
 FILETYPE = "pilotgen pilot model"
 VERSION = (1, 0)
@@ -98,7 +96,7 @@ class PilotModel:
         return self._poles_and_residues[1]
 
     def pole_list(self) -> list[dict[str, float]]:
-        """One entry per conjugate pair or real pole: `frequency_hz` (|lam| / 2 pi) and `damping` (+-1 for a real pole)."""
+        """One entry per conjugate pair or real pole: `frequency_hz` = |lam| / 2 pi, `damping` (+-1 for a real pole)."""
         return [
             {"frequency_hz": float(abs(lam) / (2.0 * np.pi)), "damping": float(-lam.real / abs(lam))}
             for lam in self.poles
@@ -106,7 +104,7 @@ class PilotModel:
         ]
 
     def dominant_pole(self) -> complex:
-        """The oscillatory pole that moves the collective most (largest residue); a real one if none oscillates [rad/s]."""
+        """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates."""
         if len(self.poles) == 0:
             raise MatrixError("the pilot has no mode: nothing of it moves, or every motion is without mass")
         residues = self.residues
@@ -142,22 +140,25 @@ class PilotModel:
             H = (1.0 / (s[:, None] - poles)) @ residues[output] + self.D[output]
         else:
             resolvent = s[:, None, None] * np.eye(len(self.A)) - self.A
-            states = np.linalg.solve(resolvent, np.broadcast_to(self.B[:, None].astype(complex), (len(s), len(self.B), 1)))
-            H = states[:, :, 0] @ self.C[output] + self.D[output]
+            inputs = np.broadcast_to(self.B[:, None], (len(s), len(self.B), 1))
+            H = np.linalg.solve(resolvent, inputs)[:, :, 0] @ self.C[output] + self.D[output]
         corner = self.washout_rad_s if washout else None
         if corner is None:
             H = H / s**self.integrators if self.integrators else H
         else:
             H = H * s ** (2 - self.integrators) / (s + corner) ** 2
-        return H.reshape(w.shape)
+        response: Complexes = H.reshape(w.shape)
+        return response
 
     def grip_motion(self, omega: ArrayLike, washout: bool = False) -> Complexes:
-        """Return the motion of the collective grip [m per m/s^2], by default of the body alone, as measured on people."""
+        """Return the motion of the collective grip [m per m/s^2], by default without washout, as measured on people."""
         return self.lever_length_m * self.response(omega, 0, washout)
 
     # ---- state space
 
-    def state_space(self, outputs: Sequence[int] | None = None, washout: bool = True) -> tuple[Floats, Floats, Floats, Floats]:
+    def state_space(
+        self, outputs: Sequence[int] | None = None, washout: bool = True
+    ) -> tuple[Floats, Floats, Floats, Floats]:
         """Return real A (n, n), B (n, 1), C (p, n), D (p, 1) of the whole model, filters included.
 
         Parameters
@@ -275,7 +276,10 @@ def read_pilot_model(path: str | os.PathLike[str]) -> PilotModel:
             integrators=int(numbers["integrators"]),
             washout_rad_s=None if np.isnan(numbers["washout_rad_s"]) else numbers["washout_rad_s"],
             translation_error=None if np.isnan(numbers["translation_error"]) else numbers["translation_error"],
-            **parts,
+            A=parts["A"],
+            B=parts["B"],
+            C=parts["C"],
+            D=parts["D"],
         )
 
 

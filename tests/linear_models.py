@@ -63,11 +63,11 @@ def assemble(
     momentum_force: Floats | None = None,
     c: float = 0.01,
 ) -> Matrices:
-    """Assemble the matrix pair of M q'' + D q' + K q + B r = 0, Phi_rate q' + Phi q = 0 with momenta p = M q' + gyro q.
+    """Assemble M q'' + D q' + K q + B r = 0, Phi_rate q' + Phi q = 0 with momenta p = M q' + gyro q as a matrix pair.
 
-    `nodes` are (name, dynamic), six coordinates each; `joints` are (name, number of equations). All matrices are over the
-    coordinates of all nodes in order; rows of M and gyro of static nodes are not used. `momentum_force` (n_q, n_q) adds
-    momentum_force p to the equilibrium equations.
+    `nodes` are (name, dynamic), six coordinates each; `joints` are (name, number of equations). All matrices are over
+    the coordinates of all nodes in order; rows of M and gyro of static nodes are not used. `momentum_force` (n_q, n_q)
+    adds momentum_force p to the equilibrium equations.
     """
     n_q, n_r = 6 * len(nodes), sum(count for _, count in joints)
     names: list[str] = []
@@ -119,7 +119,7 @@ def assemble(
 
 
 def random_mechanism(rng: np.random.Generator, n_nodes: int, n_constraints: int, moving: bool = False) -> Matrices:
-    """Return `n_nodes` free bodies with dense mass, damping, stiffness of natural frequencies near 1 rad/s, and constraints."""
+    """Return bodies with dense mass, damping and stiffness, natural frequencies near 1 rad/s, and constraints."""
     n_q = 6 * n_nodes
 
     def positive(spread: float) -> Floats:
@@ -149,8 +149,8 @@ def random_mechanism(rng: np.random.Generator, n_nodes: int, n_constraints: int,
 def dense_eigenvalues(model: DescriptorModel, largest: float = 1e3) -> NDArray[np.complex128]:
     """Return the finite, nonzero eigenvalues of the full pencil by QZ, sorted.
 
-    Index-3 constraints make infinite eigenvalues that round-off pulls down to about eps^(-1/3) = 1.6e5: `largest` [rad/s]
-    must separate them from the model's own.
+    Index-3 constraints make infinite eigenvalues that round-off pulls down to about eps^(-1/3) = 1.6e5: `largest`
+    [rad/s] must separate them from the model's own.
     """
     with np.errstate(all="ignore"):
         lam = scipy.linalg.eigvals(-model.g_y, model.g_ydot)

@@ -1,8 +1,8 @@
 """The golden arm: one arm on a collective lever, 25 reflexive muscles, linearised by MBDyn.
 
-Matrices: MBDyn develop (2025-06) on the deck stored in the case, 17 digits, c = 0.01 s. Numbers: measured on those matrices
-and on an independent model in two minimal coordinates (10 joint coordinates, 8 constraints solved exactly, stiffness and
-damping by differences of its own residual), which agree to 1e-12.
+Matrices: MBDyn develop (2025-06) on the deck stored in the case, 17 digits, c = 0.01 s. Numbers: measured on those
+matrices and on an independent model in two minimal coordinates (10 joint coordinates, 8 constraints solved exactly,
+stiffness and damping by differences of its own residual), which agree to 1e-12.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -89,7 +89,7 @@ def test_full_pencil_by_qz() -> None:
 
 
 def test_cayley_pair() -> None:
-    """(Lam J(c) - J(-c)) Y = 0, lam = (1/c)(Lam-1)/(Lam+1); with the printed plus sign 1/(c^2 lam) comes out instead."""
+    """(Lam J(c) - J(-c)) Y = 0, lam = (1/c)(Lam-1)/(Lam+1); the printed plus sign gives 1/(c^2 lam) instead."""
     matrices = case("arm_right")
     lam = sort(modes(descriptor(matrices)).lam)
     c = matrices.c

@@ -72,8 +72,9 @@ def test_lever_has_its_closed_form(seat_dynamic: bool) -> None:
     assert certificate(model) < 1e-10
     assert model.translation_error is not None and model.translation_error < 1e-12
     w = np.sqrt(STIFFNESS / INERTIA)
-    assert_allclose(model.dominant_pair(), (w / (2 * np.pi), DAMPING / (2 * INERTIA * w)), rtol=1e-10)
-    assert model.pole_list() == [pytest.approx({"frequency_hz": w / (2 * np.pi), "damping": DAMPING / (2 * INERTIA * w)})]
+    frequency, damping = w / (2 * np.pi), DAMPING / (2 * INERTIA * w)
+    assert_allclose(model.dominant_pair(), (frequency, damping), rtol=1e-10)
+    assert model.pole_list() == [pytest.approx({"frequency_hz": frequency, "damping": damping})]
 
 
 def test_overdamped_lever_has_two_real_poles() -> None:
@@ -113,12 +114,17 @@ def test_literal_formula_is_equation_31() -> None:
     assert_allclose(full_order_response(plant, OMEGA)[:, 0], lever_closed_form(OMEGA), rtol=1e-9)
 
 
+def resolvent(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """(j omega I - A)^-1 B at every frequency of OMEGA."""
+    return np.linalg.solve(1j * OMEGA[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (len(OMEGA), *B.shape)))
+
+
 def assert_realised(model: PilotModel) -> None:
     """The state space has the response of the formula, with and without washout."""
     for washout in (True, False):
         A, B, C, D = model.state_space(washout=washout)
         assert all(np.isrealobj(matrix) for matrix in (A, B, C, D))
-        states = np.linalg.solve(1j * OMEGA[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (len(OMEGA), *B.shape)))
+        states = resolvent(A, B)
         assert_allclose((C @ states + D)[:, 0, 0], model.response(OMEGA, washout=washout), rtol=1e-9)
     corner = model.washout_rad_s
     if corner is not None:
@@ -224,7 +230,11 @@ def test_bad_numbers_are_refused() -> None:
 
 
 def test_two_outputs_and_control() -> None:
-    outputs = {"collective_rotation": {"lever.gz": 1.0}, "grip_height": {"lever.gz": 0.4, "lever.y": 1.0}, "gone": {"x.y": 1.0}}
+    outputs = {
+        "collective_rotation": {"lever.gz": 1.0},
+        "grip_height": {"lever.gz": 0.4, "lever.y": 1.0},
+        "gone": {"x.y": 1.0},
+    }
     model = make_pilot_model(lever_on_seat(), 0.4, 3.1, channels=Channels(outputs=outputs))
     assert model.outputs == ("collective_rotation", "grip_height")
     system = model.to_control()
@@ -256,7 +266,7 @@ def test_file_round_trip(tmp_path: Path, kind: str) -> None:
         A, B, C, D = (file[name][()] for name in "ABCD")
         assert [name.decode() for name in file["outputs/name"]] == [*model.outputs, "grip_motion"]
         assert file["inputs/unit"][0] == b"m/s^2" and file["outputs/unit"][-1] == b"m"
-    states = np.linalg.solve(1j * OMEGA[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (len(OMEGA), *B.shape)))
+    states = resolvent(A, B)
     assert_allclose((C @ states + D)[:, 0, 0], model.response(OMEGA), rtol=1e-9)
 
 

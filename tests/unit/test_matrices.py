@@ -122,7 +122,9 @@ def test_wrong_shape_is_named(path: Path, name: str) -> None:
         read_matrices(path)
 
 
-@pytest.mark.parametrize("name", ["c", "J_plus", "J_minus", "residual", "inputs/g_u", "nodes/position", "muscles/force"])
+@pytest.mark.parametrize(
+    "name", ["c", "J_plus", "J_minus", "residual", "inputs/g_u", "nodes/position", "muscles/force"]
+)
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_numbers_that_are_none_are_named(path: Path, name: str, value: float) -> None:
     with h5py.File(path, "a") as file:

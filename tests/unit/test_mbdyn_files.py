@@ -114,9 +114,7 @@ def mbdyn_scaled(matrices: Matrices, holonomic_rows: int) -> RawEigenanalysis:
         rows[r[:holonomic_rows]] = sign * matrices.c
         columns[r] = sign * matrices.c
         scaled.append(J / rows[:, None] / columns[None, :])
-    return RawEigenanalysis(
-        "made", matrices.c, 0.0, scaled[0], scaled[1], np.array([11, 12]), np.array([0, 12])
-    )
+    return RawEigenanalysis("made", matrices.c, 0.0, scaled[0], scaled[1], np.array([11, 12]), np.array([0, 12]))
 
 
 @pytest.mark.parametrize("rate_depends_on_c", [True, False])

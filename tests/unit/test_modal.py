@@ -56,7 +56,9 @@ def test_velocity_constraints(seed: int, n_velocity: int) -> None:
     M, K = X @ X.T / n_q + np.eye(n_q), Y @ Y.T / n_q + np.eye(n_q)
     reaction = np.where(np.arange(n_r)[:, None] < n_velocity, Phi_rate, Phi)  # ideal: work along the constrained rate
     model = descriptor(
-        assemble([("a", True), ("b", True)], [("j", n_r)], M, 0.2 * M + 0.1 * K, K, Phi, B=reaction.T, Phi_rate=Phi_rate)
+        assemble(
+            [("a", True), ("b", True)], [("j", n_r)], M, 0.2 * M + 0.1 * K, K, Phi, B=reaction.T, Phi_rate=Phi_rate
+        )
     )
     modal = modes(model)
     # each velocity constraint takes one first-order unknown, each holonomic one takes two
@@ -143,7 +145,7 @@ def test_redundant_constraints_change_nothing() -> None:
 
 
 def test_sign_of_the_cayley_eigenproblem() -> None:
-    """(Lam J(c) - J(-c)) Y = 0 gives lam = (1/c)(Lam-1)/(Lam+1); with the printed plus sign one recovers 1/(c^2 lam)."""
+    """(Lam J(c) - J(-c)) Y = 0 gives lam = (1/c)(Lam-1)/(Lam+1); the printed plus sign recovers 1/(c^2 lam)."""
     matrices = random_mechanism(np.random.default_rng(8), 1, 0)
     lam = sort(modes(descriptor(matrices)).lam)
     c = matrices.c
@@ -156,7 +158,9 @@ def test_sign_of_the_cayley_eigenproblem() -> None:
     assert_allclose(sort(1.0 / (c**2 * recovered(+1.0))), lam, rtol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["c01a_revpin_rest", "c02b_sphpin_spin", "c03a_revhinge_rod_rest", "c06b_defhinge_moving"])
+@pytest.mark.parametrize(
+    "name", ["c01a_revpin_rest", "c02b_sphpin_spin", "c03a_revhinge_rod_rest", "c06b_defhinge_moving"]
+)
 def test_stored_mbdyn_cases_have_mbdyn_s_own_eigenvalues(name: str) -> None:
     """Eigenvalues that MBDyn computed from its own pair, without those at Lam = +-1 (spurious there)."""
     from linear_models import CASES
