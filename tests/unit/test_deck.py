@@ -1,0 +1,227 @@
+"""Decks: what a reader and the solver rely on, read back from the text itself.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from jinja2 import UndefinedError
+
+from pilotgen import deck as decks
+from pilotgen.biometrics import Biometrics
+from pilotgen.body import SEGMENTS, make_body
+from pilotgen.cockpit import make_cockpit
+from pilotgen.posture import first_guess, from_poses
+
+
+@dataclass(frozen=True)
+class Gains:
+    proportional_gain: float = 1.5
+    derivative_gain: float = 0.1
+
+
+@dataclass(frozen=True)
+class Values:
+    values: np.ndarray
+
+
+def render(limbs: tuple[str, ...], **options: object) -> dict[str, str]:
+    body = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), limbs)
+    cockpit = make_cockpit(body, lever_length_m=0.32, position=0.5)
+    guess = first_guess(body, cockpit)
+    posture = from_poses(body, cockpit, guess.nodes)
+    activations = Values(np.linspace(0.0, 0.3, len(posture.muscle_lengths_m)))
+    return {
+        "posture": decks.render_posture(body, cockpit, guess),
+        "trim": decks.render_trim(body, cockpit, posture, gains=Gains(), c=0.01),
+        "pilot": decks.render_direct(
+            body, cockpit, posture, activations=activations, muscle_lengths=posture.muscle_lengths_m, gains=Gains(), c=0.01, **options
+        ),
+    }
+
+
+LIMBS = [("left",), ("right",), ("left", "right")]
+ALL = {(limbs, name): text for limbs in LIMBS for name, text in render(limbs).items()}
+every_deck = pytest.mark.parametrize("key", ALL, ids=lambda key: "+".join(key[0]) + "-" + key[1])
+
+
+def without_comments(text: str) -> str:
+    return re.sub(r"#.*", "", text)
+
+
+def cards(text: str) -> list[str]:
+    return [" ".join(card.split()) for card in without_comments(text).split(";")]
+
+
+def constants(text: str) -> dict[str, str]:
+    return dict(re.findall(r"set: const \w+ (\w+) = ([^;]+);", without_comments(text)))
+
+
+@every_deck
+def test_decks_are_tidy(key: tuple) -> None:
+    text = ALL[key]
+    assert text.endswith("end: elements;\n")
+    assert not re.search(r"[ \t]\n", text), "blanks at the end of a line"
+    assert "\n\n\n" not in text
+    assert "\r" not in text
+    assert text.isascii()
+    assert max(len(line.expandtabs(4)) for line in text.splitlines() if line.lstrip().startswith("#")) <= 130
+    first = text.splitlines()[0]
+    assert first.startswith(f"# {key[1]}.mbd - ")
+    assert "# Pilot: male, 40 years, 1.775 m, 75.61 kg (BMI 24)" in text
+
+
+@every_deck
+def test_counts_are_those_of_the_cards(key: tuple) -> None:
+    text = ALL[key]
+    found = {
+        "structural nodes": sum(card.startswith(("structural:", "begin: nodes")) for card in cards(text)) - 1,
+        "joints": sum(card.startswith("joint:") for card in cards(text)),
+        "rigid bodies": sum(card.startswith("body:") for card in cards(text)),
+    }
+    for name, count in found.items():
+        declared = re.search(rf"\t{name}: ([^;]+);", text)
+        if name == "rigid bodies" and key[1] == "posture":
+            assert declared is None and count == 0
+        else:
+            assert declared is not None and eval(declared[1]) == count, name
+
+
+@every_deck
+def test_every_name_is_declared_once_before_it_is_used(key: tuple) -> None:
+    text = without_comments(ALL[key])
+    names = re.findall(r"set: const \w+ (\w+) =", text)
+    assert len(names) == len(set(names))
+    declared = set()
+    for line in text.splitlines():
+        for word in re.findall(r"\b[A-Z][A-Z0-9_]*[A-Z0-9]\b", re.sub(r'"[^"]*"', "", line)):
+            assert word in names, f"{word} is not declared: {line.strip()}"
+            assert word in declared or f"{word} =" in line, f"{word} is used before it is declared"
+        declared.update(re.findall(r"set: const \w+ (\w+) =", line))
+
+
+@every_deck
+def test_labels_are_unique_within_nodes_and_joints(key: tuple) -> None:
+    text = ALL[key]
+    values = constants(text)
+    for kind in ("structural", "joint", "body", "reference"):
+        labels = re.findall(rf"\n\t?{kind}: (\w+),", without_comments(text))
+        numbers = [values[label] for label in labels]
+        assert labels and len(set(numbers)) == len(numbers) or (kind == "body" and key[1] == "posture")
+    joints = set(re.findall(r"\n\tjoint: (\w+),", text))
+    bodies = set(re.findall(r"\n\tstructural: (\w+),", text))
+    assert not joints & bodies, "the solver names unknowns after these"
+
+
+@every_deck
+def test_reals_have_a_point_or_an_exponent(key: tuple) -> None:
+    for card in cards(ALL[key]):
+        if card.startswith("set: const real"):
+            assert re.search(r"= -?[0-9.e+-]+(\*deg2rad|\*\w+)?$", card), card
+            assert "." in card or "e" in card.split("=")[1], card
+        if card.startswith("joint:") and "rod" in card:
+            for number in re.findall(r", (-?[0-9][0-9.e+-]*)", card):
+                assert "." in number or "e" in number, card
+
+
+@pytest.mark.parametrize("limbs", LIMBS)
+def test_numbers_read_back_exactly(limbs: tuple[str, ...]) -> None:
+    body = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), limbs)
+    cockpit = make_cockpit(body, lever_length_m=0.32, position=0.5)
+    guess = first_guess(body, cockpit)
+    text = ALL[(limbs, "pilot")]
+    values = constants(text)
+    for side, limb in body.limbs.items():
+        S = side[0].upper()
+        for name in SEGMENTS:
+            assert float(values[f"{name.upper()}_{S}_MASS"]) == limb.segments[name].mass_kg
+            assert float(values[f"{name.upper()}_{S}_JX"]) == limb.segments[name].inertia_kg_m2[0, 0]
+            card = next(c for c in cards(text) if c.startswith(f"structural: {name.upper()}_{S},"))
+            x, R = guess.nodes[f"{name}_{side[0]}"]
+            numbers = [float(n) for n in re.findall(r"-?\d+\.[\de-]+", card)]
+            assert numbers == [*x.tolist(), *R.ravel().tolist()]
+        for muscle in limb.muscles:
+            name = f"{muscle.name.upper()}_{S}"
+            assert float(values[f"{name}_L0"]) == muscle.l0_m
+            assert float(values[f"{name}_F0"]) == muscle.F0_N
+            card = next(c for c in cards(text) if c.startswith(f"joint: {name}, rod"))
+            points = [float(n) for n in re.findall(r"(?<![\w])-?\d+\.\d*(?:e-?\d+)?", card)]
+            assert points == [*muscle.origin_m.tolist(), *muscle.insertion_m.tolist()]
+
+
+def test_what_keeps_both_solvers_equal_is_there() -> None:
+    pilot = without_comments(ALL[(("left",), "pilot")])
+    for words in (
+        "derivatives coefficient: 1.;",
+        "derivatives tolerance: 1.e-9;",
+        "parameter, 0.02,",
+        "use lapack, balance, no;",
+        "matrix output precision, 17,",
+        "method: ms, 0.6;",
+        'module load: "libmodule-muscles";',
+        "gravity: uniform, 0., -1., 0., const, 9.81;",
+    ):
+        assert words in pilot, words
+    assert pilot.count("activation check, no") == 25
+    assert "in line" not in pilot
+    assert "position constraint, active, active, inactive, null;" in pilot
+    posture = without_comments(ALL[(("left",), "posture")])
+    assert "gravity" not in posture and "muscle" not in posture and "model: static;" in posture
+
+
+def test_trim_and_pilot_decks_differ_only_where_they_must() -> None:
+    trim, pilot = (ALL[(("left",), name)].splitlines() for name in ("trim", "pilot"))
+    assert len(trim) == len(pilot)
+    different = [a for a, b in zip(trim, pilot, strict=True) if a != b]
+    expected = r"# trim.mbd|\tderivatives (tolerance|coefficient)|\tset: const real \w+_A = 0\.0;|\t# All activations"
+    assert all(re.match(expected, line) for line in different)
+
+
+def test_settings_of_a_virtual_test() -> None:
+    drive = "sine, 0., 18.85, 1.4e-4, forever, 0."
+    text = render(("left",), activation_check=True, seat_drive=drive, final_time_s=6.0, time_step_s=5e-4)["pilot"]
+    assert f"single, 0., 1., 0., {drive}," in text
+    assert "final time: 6.0;" in text and "time step: 0.0005;" in text
+    assert text.count("activation check, yes") >= 25 and "activation check, no" not in text
+
+
+def test_rendering_is_repeatable() -> None:
+    assert render(("left", "right"))["pilot"] == ALL[(("left", "right"), "pilot")]
+
+
+def test_the_left_arm_of_two_is_the_left_arm_of_one() -> None:
+    one = set(cards(ALL[(("left",), "pilot")]))
+    two = set(cards(ALL[(("left", "right"), "pilot")]))
+    other = re.compile(r"begin: control data|rigid bodies:|joints:|structural nodes:|set: const real \w+_A =")
+    assert not [card for card in one - two if not other.search(card)]
+
+
+def test_a_template_that_asks_for_an_unknown_name_fails() -> None:
+    template = decks._template("posture.mbd.j2")
+    with pytest.raises(UndefinedError, match="pilot"):
+        template.render(purpose="x")
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    for value in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="no place in a deck"):
+            decks.number(value)
+    assert decks.number(1.0) == "1.0"
+    assert decks.number(1e-7) == "1e-07"
+    assert float(decks.number(0.1 + 0.2)) == 0.1 + 0.2
+
+
+def test_full_inertia_is_written_row_by_row() -> None:
+    body = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), ("left",))
+    hand = body.limbs["left"].segments["hand"]
+    J = hand.inertia_kg_m2 + np.array([[0.0, 1e-5, 2e-5], [1e-5, 0.0, 3e-5], [2e-5, 3e-5, 0.0]])
+    constants_, card = decks._inertia_text(replace(hand, inertia_kg_m2=J, com_m=np.array([0.01, -0.05, 0.0])), "HAND_L")
+    values = {name: float(value) for name, value, _ in constants_}
+    assert card.inertia == "sym, HAND_L_JX, HAND_L_JXY, HAND_L_JXZ, HAND_L_JY, HAND_L_JYZ, HAND_L_JZ"
+    assert (values["HAND_L_JXY"], values["HAND_L_JXZ"], values["HAND_L_JYZ"]) == (1e-5, 2e-5, 3e-5)
+    assert card.com == "0.01, -0.05, 0.0"
