@@ -26,7 +26,9 @@ _EPS = float(np.finfo(float).eps)
 _SPACING = 0.25  # grid spacing over distance to the nearest pole; interpolation error about spacing^4 / 16 of a residue
 _FIRST_ERROR = 0.03  # assumed interpolation error on the first grid, relative to the largest coefficient
 _MAX_SPLITS = 16  # halvings; a touch that is undecided after so many is closer than _TOUCH
+_MAX_OPEN = 4096  # intervals; more are open only if the locus follows the circle or the axis within round-off
 _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| below this, is a touch
+_FLAT = 1e-8  # a touch at both ends of an interval with slopes (times its length) below this lasts the whole interval
 _AXIS = 1e-10  # a pole this close to the imaginary axis, relative to its modulus, is on it
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
 _VANISHING = 1e-12  # a moment below this fraction of what its terms' moduli could give is zero
@@ -272,8 +274,8 @@ class _Search:
         self._ends()
         self._on_boundary(intervals)
         undecided = self._sort_out(intervals)
-        for split in range(_MAX_SPLITS):
-            if undecided.x0.size == 0:
+        for _ in range(_MAX_SPLITS):
+            if undecided.x0.size == 0 or undecided.x0.size > _MAX_OPEN:
                 break
             undecided = self._sort_out(self._split(undecided))
         self._give_up(undecided)
@@ -501,10 +503,14 @@ class _Search:
 
     def _on_boundary(self, v: _Intervals) -> None:
         """A locus that lies on the circle or the negative axis over a band counts once, where it is nearest to -1."""
-        P = v.P
-        biggest = np.abs(P).max(axis=1)
-        on_axis = (np.abs(P.imag).max(axis=1) <= _TOUCH * biggest) & (P.real.max(axis=1) < 0.0)
-        on_circle = np.abs(v.circle()).max(axis=1) <= _TOUCH
+        h = v.x1 - v.x0
+        on_axis, on_circle = np.ones(h.size, dtype=bool), np.ones(h.size, dtype=bool)
+        for L, S in ((v.L0, v.S0), (v.L1, v.S1)):
+            size = np.abs(L)
+            on_axis &= (np.abs(L.imag) <= _TOUCH * size) & (h * np.abs(S.imag) <= _FLAT * size) & (L.real <= 0.0)
+            on_circle &= (np.abs(size - 1.0) <= _TOUCH) & (h * np.abs((L.conj() * S).real) <= _FLAT)
+        if not (on_axis.any() or on_circle.any()):
+            return
         with np.errstate(divide="ignore"):
             for kind, band, cost in (
                 (_REAL_AXIS, on_axis, lambda L: np.abs(np.log(np.abs(L)))),
@@ -618,7 +624,7 @@ class _Search:
         through = [(w, L) for w, L in self.found[other] if abs(L + 1.0) <= _TOUCH]
         kept: list[tuple[float, complex]] = []
         for w, L in sorted(self.found[kind] + through, key=lambda point: point[0]):
-            if not kept or not (w == kept[-1][0] or w - kept[-1][0] <= _SAME * w):
+            if not kept or (w > kept[-1][0] and not w - kept[-1][0] <= _SAME * kept[-1][0]):
                 kept.append((w, L))
         return Points(np.array([w for w, _ in kept], dtype=float), np.array([L for _, L in kept], dtype=complex))
 
