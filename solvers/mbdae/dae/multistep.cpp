@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/dae/multistep.h"
+
+#include <Eigen/LU>
+
+#include <cmath>
+#include <sstream>
+
+#include "mbdae/dae/recorder.h"
+
+namespace mbdae {
+
+namespace {
+
+constexpr MultistepCoefficients kImplicitEuler{1.0, 0.0, 1.0, 0.0, 0.0};
+constexpr MultistepCoefficients kCrankNicolson{1.0, 0.0, 0.5, 0.5, 0.0};
+
+// Newton has converged in all but name when the residual no longer falls below this part of the largest force.
+constexpr double kRoundOff = 1e-13;
+
+// Derivative of G(g) gdot with respect to g.
+Mat3 cayley_rate_derivative(const Vec3& g, const Vec3& gdot) {
+  const double scale = 4.0 / (4.0 + g.squaredNorm());
+  const Vec3 w = cayley_tangent(g) * gdot;
+  return (-0.5 * scale) * (w * g.transpose() + skew(gdot));
+}
+
+// What the formula needs of an instant: rotations are kept as matrices and enter as increments from the latest one.
+struct Instant {
+  State state;
+  Eigen::VectorXd rate;  // rates of x, beta, gamma; angular velocities in the rotation entries
+};
+
+class Stepper {
+ public:
+  Stepper(Model& model, const InitialValueData& settings) : model_(model), settings_(settings) {}
+
+  // From instants k-2 and k-1 to k = k-1 + h.
+  Instant step(const Instant& older, const Instant& last, double h, const MultistepCoefficients& formula) {
+    const int n = model_.size(), nodes = static_cast<int>(model_.slots().size());
+    model_.set_reference(last.state);
+    Instant next = last;
+    next.state.t = last.state.t + h;
+
+    // Rates of the last two instants in the rotation chart about the last one, and what the formula takes from them.
+    Eigen::VectorXd older_rate = older.rate;
+    Eigen::VectorXd known = Eigen::VectorXd::Zero(n);  // y_k - h b0 y'_k
+    for (int i = 0; i < nodes; ++i) {
+      const NodeSlot& slot = model_.slots()[static_cast<std::size_t>(i)];
+      const NodeMotion& o = motion_of(older.state, slot);
+      const NodeMotion& l = motion_of(last.state, slot);
+      const int x = slot.first, g = slot.first + 3;
+      const Vec3 turned = cayley_parameters(o.R * l.R.transpose());
+      older_rate.segment<3>(g) = cayley_tangent(turned).inverse() * o.w;
+      known.segment<3>(x) = formula.a1 * l.x + formula.a2 * o.x;
+      known.segment<3>(g) = formula.a2 * turned;
+      if (slot.dynamic) {
+        known.segment<6>(slot.force) =
+            formula.a1 * last.state.y.segment<6>(slot.force) + formula.a2 * older.state.y.segment<6>(slot.force);
+      }
+    }
+    known += h * (formula.b1 * last.rate + formula.b2 * older_rate);
+
+    // Predictor: rates continue on the line through the last two.
+    const double spacing = last.state.t - older.state.t;
+    Eigen::VectorXd rate = last.rate;
+    if (spacing > 0.0) rate += (h / spacing) * (last.rate - older_rate);
+    rate.tail(model_.reaction_count()).setZero();
+
+    const double c = h * formula.b0;
+    double norm = 0.0;
+    for (int iteration = 0; iteration <= settings_.max_iterations; ++iteration) {
+      apply(last.state, known + c * rate, rate, next.state);
+      model_.assemble(next.state, eq_, true);
+      const int first = model_.reaction_start(), count = model_.reaction_count();
+      const double previous = norm;
+      norm = std::sqrt(eq_.g.head(first).squaredNorm() + eq_.g.tail(count).squaredNorm() / (c * c));
+      const double load = next.state.y.size() > 0 ? next.state.y.cwiseAbs().maxCoeff() : 0.0;
+      const bool exhausted = iteration > 0 && norm >= previous && norm <= kRoundOff * (1.0 + load) / c;
+      if (norm <= settings_.tolerance || exhausted) {
+        next.rate = rate;
+        for (const NodeSlot& slot : model_.slots()) {
+          next.rate.segment<3>(slot.first + 3) = motion_of(next.state, slot).w;
+        }
+        return next;
+      }
+      if (!std::isfinite(norm)) break;
+
+      to_chart(known + c * rate, rate);
+      Eigen::MatrixXd J = eq_.g_ydot + c * eq_.g_y;
+      J.rightCols(count) = eq_.g_y.rightCols(count);
+      Eigen::VectorXd g = eq_.g;
+      J.bottomRows(count) /= c;
+      g.tail(count) /= c;
+      const Eigen::VectorXd delta = J.partialPivLu().solve(g);
+      rate.head(first) -= delta.head(first);
+      next.state.y.tail(count) -= delta.tail(count);
+    }
+    int worst = 0;
+    eq_.g.cwiseAbs().maxCoeff(&worst);
+    std::ostringstream out;
+    out << "time step to t = " << next.state.t << " s did not converge in " << settings_.max_iterations
+        << " iterations (residual " << norm << ", wanted " << settings_.tolerance << "): "
+        << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " " << model_.equation_unit(worst)
+        << "; use a shorter time step";
+    throw NotConverged(out.str());
+  }
+
+ private:
+  // Unknowns about the reference pose to motions of the nodes, momenta and their rates.
+  void apply(const State& reference, const Eigen::VectorXd& y, const Eigen::VectorXd& rate, State& out) const {
+    for (std::size_t i = 0; i < out.nodes.size(); ++i) {
+      const NodeSlot& slot = model_.slots()[i];
+      const Vec3 g = y.segment<3>(slot.first + 3);
+      out.nodes[i].x = y.segment<3>(slot.first);
+      out.nodes[i].v = rate.segment<3>(slot.first);
+      out.nodes[i].R = cayley_rotation(g) * reference.nodes[i].R;
+      out.nodes[i].w = cayley_tangent(g) * rate.segment<3>(slot.first + 3);
+      if (slot.dynamic) {
+        out.y.segment<6>(slot.force) = y.segment<6>(slot.force);
+        out.ydot.segment<6>(slot.force) = rate.segment<6>(slot.force);
+      }
+    }
+  }
+
+  // Columns of rotations from variations (dphi, dw) to increments (dg, dgdot).
+  void to_chart(const Eigen::VectorXd& y, const Eigen::VectorXd& rate) {
+    for (const NodeSlot& slot : model_.slots()) {
+      const int g = slot.first + 3;
+      const Vec3 increment = y.segment<3>(g);
+      const Mat3 G = cayley_tangent(increment);
+      eq_.g_y.middleCols<3>(g) = (eq_.g_y.middleCols<3>(g) * G +
+                                  eq_.g_ydot.middleCols<3>(g) * cayley_rate_derivative(increment, rate.segment<3>(g)))
+                                     .eval();
+      eq_.g_ydot.middleCols<3>(g) = (eq_.g_ydot.middleCols<3>(g) * G).eval();
+    }
+  }
+
+  Model& model_;
+  const InitialValueData& settings_;
+  Equations eq_;
+};
+
+}  // namespace
+
+MultistepCoefficients multistep_coefficients(double rho) {
+  const double q = (1.0 - rho) * (1.0 - rho), d = 4.0 - q;
+  const double beta = (4.0 * rho * rho - q) / d, delta = 0.5 * q / d;
+  return {1.0 - beta, beta, 0.5 + delta, 0.5 + 0.5 * beta - 2.0 * delta, 0.5 * beta + delta};
+}
+
+Motion integrate_multistep(Model& model, State state, const InitialValueData& settings,
+                           const IntegrateOptions& options) {
+  const bool two_step = settings.method == MethodKind::ms;
+  const MultistepCoefficients regular = two_step ? multistep_coefficients(settings.rho)
+                                        : settings.method == MethodKind::implicit_euler ? kImplicitEuler
+                                                                                        : kCrankNicolson;
+  MotionRecorder recorder(model, options.channels);
+  recorder.record(state);
+
+  Instant last{state, state.ydot};
+  for (const NodeSlot& slot : model.slots()) {
+    last.rate.segment<3>(slot.first) = motion_of(state, slot).v;
+    last.rate.segment<3>(slot.first + 3) = motion_of(state, slot).w;
+  }
+  Instant older = last;
+
+  Stepper stepper(model, settings);
+  const double t0 = settings.initial_time, h = settings.time_step;
+  const auto steps = static_cast<long>(std::floor((settings.final_time - t0) / h + 1e-6));
+  for (long k = 1; k <= steps; ++k) {
+    // The first step of the two-step formula is a Crank-Nicolson step.
+    Instant next = stepper.step(older, last, t0 + static_cast<double>(k) * h - last.state.t,
+                                k == 1 && two_step ? kCrankNicolson : regular);
+    older = std::move(last);
+    last = std::move(next);
+    if (k % options.output_every == 0 || k == steps) recorder.record(last.state);
+    if (options.progress) options.progress(last.state.t);
+  }
+  return recorder.take();
+}
+
+}  // namespace mbdae
