@@ -50,7 +50,7 @@ $(VENV)/pyvenv.cfg: | build/system.stamp
 
 $(VENV)/installed.stamp: build/system.stamp $(VENV)/pyvenv.cfg pyproject.toml $(SOLVER_SOURCES)
 	@echo "Building the solver and installing pilotgen into $(VENV) (about two minutes the first time)"
-	@$(BIN)/python -m pip install --quiet --editable '.[test]'
+	@$(BIN)/python -m pip install -qq --editable '.[test]'
 	@$(BIN)/pilotgen --version >/dev/null
 	@touch $@
 
