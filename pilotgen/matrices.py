@@ -2,7 +2,7 @@
 
 The format is docs/io_formats/matrices.md. A search reads thousands of these files, hence HDF5's low-level interface.
 With `complete=False` only what every reader needs is read at once (the matrix pair and the names of the unknowns); the
-tables of nodes, joints, inputs, muscles and the state follow when they are first asked for.
+state and the tables of nodes, joints, inputs and muscles follow when they are first asked for.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -17,7 +17,7 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5f, h5s
+from h5py import h5a, h5d, h5f, h5s, h5t
 from numpy.typing import NDArray
 
 from pilotgen.descriptor import DescriptorModel, Floats, make_descriptor
@@ -27,16 +27,6 @@ FILETYPE = "pilotgen matrices"
 VERSION = (1, 0)
 Names = NDArray[np.bytes_]
 Integers = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class State:
-    """Where the model was linearised: y, ydot, shape (n,), and the two residuals of the format page [SI units]."""
-
-    y: Floats
-    ydot: Floats
-    residual: Floats
-    equilibrium_residual: Floats
 
 
 @dataclass(frozen=True)
@@ -86,15 +76,9 @@ class MuscleTable:
     force: Floats
 
 
+_VECTORS = ("y", "ydot", "residual", "equilibrium_residual")
 # dataset -> shape; None stands for the number of unknowns n, "k" for the length of the table's first column
-_STATE_SHAPES: dict[str, tuple[object, ...]] = {
-    "y": (None,),
-    "ydot": (None,),
-    "residual": (None,),
-    "equilibrium_residual": (None,),
-}
 _TABLES: dict[str, tuple[type, dict[str, tuple[object, ...]]]] = {
-    "state": (State, _STATE_SHAPES),
     "nodes": (
         NodeTable,
         {"name": ("k",), "label": ("k",), "first": ("k",), "dofs": ("k",), "position": ("k", 3),
@@ -160,11 +144,6 @@ class Matrices:
         return tuple(bytes(kind).decode() for kind in self.kinds)
 
     @cached_property
-    def state(self) -> State:
-        """State of the linearisation."""
-        return self._get("state")  # type: ignore[no-any-return]
-
-    @cached_property
     def nodes(self) -> NodeTable:
         """Nodes in deck order."""
         return self._get("nodes")  # type: ignore[no-any-return]
@@ -184,20 +163,25 @@ class Matrices:
         """Muscles in deck order."""
         return self._get("muscles")  # type: ignore[no-any-return]
 
-    @property
+    @cached_property
     def y(self) -> Floats:
         """State, shape (n,)."""
-        return self.state.y
+        return self._get("y")  # type: ignore[no-any-return]
 
-    @property
+    @cached_property
+    def ydot(self) -> Floats:
+        """Rate of the state, shape (n,)."""
+        return self._get("ydot")  # type: ignore[no-any-return]
+
+    @cached_property
     def residual(self) -> Floats:
         """Residual without accelerations, momenta rates and reactions, shape (n,) [N, N m, m, rad]."""
-        return self.state.residual
+        return self._get("residual")  # type: ignore[no-any-return]
 
-    @property
+    @cached_property
     def equilibrium_residual(self) -> Floats:
         """Residual with the reactions of the state, shape (n,): zero at a static equilibrium [N, N m, m, rad]."""
-        return self.state.equilibrium_residual
+        return self._get("equilibrium_residual")  # type: ignore[no-any-return]
 
     @property
     def muscle_lengths(self) -> Floats:
@@ -260,7 +244,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
         if not matrices.c > 0.0:
             raise MatrixError(f"{text_path}: dataset 'c' is {matrices.c:g} s; expected a positive coefficient")
         if complete:
-            for group in _TABLES:
+            for group in (*_VECTORS, *_TABLES):
                 matrices.__dict__[group] = _read_table(file, text_path, group, n)
     finally:
         file.close()
@@ -316,8 +300,13 @@ def _attribute_value(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
         attribute = h5a.open(file, name.encode())
     except KeyError as error:
         raise MatrixError(f"{path}: attribute '{name}' is missing") from error
-    value = np.empty(attribute.shape, attribute.dtype)
-    attribute.read(value)
+    stored = attribute.get_type()
+    if stored.get_class() == h5t.STRING and not stored.is_variable_str():
+        value = np.empty(attribute.shape, f"S{stored.get_size()}")
+        attribute.read(value, stored)
+    else:
+        value = np.empty(attribute.shape, attribute.dtype)
+        attribute.read(value)
     return value
 
 
@@ -336,21 +325,25 @@ def _read(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
         dataset = h5d.open(file, name.encode())
     except KeyError as error:
         raise MatrixError(f"{path}: dataset '{name}' is missing") from error
+    # h5py's own search for dtypes and memory types costs more than the reading: ask HDF5 for the class, name the type
+    stored = dataset.get_type()
+    stored_class = stored.get_class()
     leaf = name.rpartition("/")[2]
-    kind = dataset.dtype.kind
     if leaf in _STRING_DATASETS:
-        wanted, is_right = "fixed-length text", kind == "S"
+        wanted, is_right = "fixed-length text", stored_class == h5t.STRING and not stored.is_variable_str()
+        memory_type, dtype = stored, f"S{stored.get_size()}"
     elif leaf in _INTEGER_DATASETS:
-        wanted, is_right = "integers", kind in "iu"
+        wanted, is_right = "integers", stored_class == h5t.INTEGER
+        memory_type, dtype = h5t.NATIVE_INT64, "i8"
     else:
-        wanted, is_right = "real numbers", kind in "fiu"
+        wanted, is_right = "real numbers", stored_class in (h5t.FLOAT, h5t.INTEGER)
+        memory_type, dtype = h5t.NATIVE_DOUBLE, "f8"
     if not is_right:
         raise MatrixError(f"{path}: dataset '{name}' holds {dataset.dtype}; expected {wanted}")
-    dtype = dataset.dtype if kind == "S" else np.dtype(np.int64 if leaf in _INTEGER_DATASETS else np.float64)
     value = np.empty(dataset.shape, dtype)
     if value.size:
-        dataset.read(h5s.ALL, h5s.ALL, value)
-    if dtype.kind == "f" and not np.isfinite(value).all():
+        dataset.read(h5s.ALL, h5s.ALL, value, memory_type)
+    if value.dtype.kind == "f" and not np.isfinite(value).all():
         where = np.argwhere(~np.isfinite(value))[0]
         raise MatrixError(f"{path}: dataset '{name}' has {value[tuple(where)]} at {list(map(int, where))}")
     return value
@@ -363,16 +356,17 @@ def _shaped(value: NDArray[Any], path: str, name: str, shape: tuple[int, ...]) -
 
 
 def _read_table(file: h5f.FileID, path: str, group: str, n: int) -> Any:
+    if group in _VECTORS:
+        return _shaped(_read(file, path, group), path, group, (n,))
     table, shapes = _TABLES[group]
-    prefix = "" if group == "state" else f"{group}/"
     length: int | None = None
     columns: dict[str, NDArray[Any]] = {}
     for name, symbolic in shapes.items():
-        value = _read(file, path, prefix + name)
+        value = _read(file, path, f"{group}/{name}")
         if length is None:  # the first column of a table says how long it is
             length = value.shape[0] if value.ndim else 0
         shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
-        columns[name] = _shaped(value, path, prefix + name, shape)  # type: ignore[arg-type]
+        columns[name] = _shaped(value, path, f"{group}/{name}", shape)  # type: ignore[arg-type]
     return table(**columns)
 
 
@@ -407,15 +401,16 @@ def write_matrices(
         file["dofs/owner"] = np.zeros(matrices.n, dtype=np.int64) if owners is None else owners
         implied = np.array([by_kind.get(bytes(kind), b"N") for kind in matrices.kinds])
         file["dofs/unit"] = implied if units is None else units
+        for name in _VECTORS:
+            file[name] = getattr(matrices, name)
         for group, (_, shapes) in _TABLES.items():
             table = getattr(matrices, group)
-            prefix = "" if group == "state" else f"{group}/"
             for name in shapes:
-                file[prefix + name] = getattr(table, name)
+                file[f"{group}/{name}"] = getattr(table, name)
 
 
 def given_tables(path: str, tables: dict[str, Any]) -> Callable[[str], Any]:
-    """Return a source of tables for a `Matrices` made in memory; a table that is not there is a MatrixError."""
+    """Return a source of vectors and tables for a `Matrices` made in memory; one that is missing is a MatrixError."""
     return _GivenTables(path, tables)
 
 

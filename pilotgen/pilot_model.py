@@ -27,7 +27,7 @@ from pilotgen.errors import FileError, MatrixError
 if TYPE_CHECKING:
     import control
 
-    from pilotgen.feedthrough import Plant
+    from pilotgen.plant import Plant
 
 FILETYPE = "pilotgen pilot model"
 VERSION = (1, 0)

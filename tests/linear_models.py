@@ -14,9 +14,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pilotgen.descriptor import DescriptorModel
-from pilotgen.feedthrough import COLLECTIVE, Channels
 from pilotgen.matrices import Matrices, given_tables
 from pilotgen.mbdyn_files import RawEigenanalysis, to_textbook
+from pilotgen.plant import COLLECTIVE, Channels
 
 CASES = Path(__file__).parent / "data" / "mbdyn_cases"
 # Names of the golden arm's unknowns: MBDyn's files know labels only (1 = seat, 2 = lever, 101 = seat's total pin).

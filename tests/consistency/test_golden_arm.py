@@ -15,10 +15,11 @@ import scipy.linalg
 from linear_models import ARM_CHANNELS, ARM_LEVER_LENGTH_M, CASES, case, dense_eigenvalues, sort
 from numpy.testing import assert_allclose
 
-from pilotgen.feedthrough import certificate, full_order_response, make_pilot_model, split
+from pilotgen.feedthrough import certificate, make_pilot_model
 from pilotgen.matrices import descriptor
 from pilotgen.modal import modes
 from pilotgen.pilot_model import PilotModel
+from pilotgen.plant import full_order_response, split
 
 HZ = np.array([0.5, 1.0, 2.0, 3.0, 3.5, 5.0, 8.0])
 # grip arc = lever length x |H| [mm per m/s^2] and phase [deg]

@@ -84,11 +84,10 @@ def test_files_of_both_solvers(tmp_path: Path) -> None:
     ours = tmp_path / "ours.h5"
     changed = with_change(mbdyn, 12, 7, 1e-3)
     tables = {group: getattr(full, group) for group in ("nodes", "joints", "muscles")}
-    zeros = np.zeros(mbdyn.n)
-    state = dataclasses.replace(full.state, y=zeros, ydot=zeros, residual=zeros, equilibrium_residual=zeros)
+    vectors = dict.fromkeys(("y", "ydot", "residual", "equilibrium_residual"), np.zeros(mbdyn.n))
     inputs = dataclasses.replace(full.inputs, g_u=np.zeros((mbdyn.n, 1)))
     complete = dataclasses.replace(changed, solver="mbdae 1.0.0", names=names)
-    object.__setattr__(complete, "_table", {**tables, "state": state, "inputs": inputs}.__getitem__)
+    object.__setattr__(complete, "_table", {**tables, "inputs": inputs, **vectors}.__getitem__)
     write_matrices(ours, complete)
     for order in ((ours, netcdf), (netcdf, ours)):
         text, code = run_compare(*order, 1e-9)

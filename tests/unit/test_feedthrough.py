@@ -17,17 +17,10 @@ from linear_models import assemble
 from numpy.testing import assert_allclose
 
 from pilotgen.errors import FileError, MatrixError, StudyError
-from pilotgen.feedthrough import (
-    CERTIFICATE_BAND_HZ,
-    Channels,
-    certificate,
-    full_order_response,
-    make_pilot_model,
-    mayo_pilot,
-    split,
-)
+from pilotgen.feedthrough import CERTIFICATE_BAND_HZ, certificate, make_pilot_model, mayo_pilot
 from pilotgen.matrices import Matrices, descriptor
 from pilotgen.pilot_model import PilotModel, read_pilot_model
+from pilotgen.plant import Channels, full_order_response, split
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 20.0, 40)
 # a lever on the seat: mass m at distance r from the hinge, moment of inertia J about it, spring and damper in the hinge

@@ -21,7 +21,6 @@ from pilotgen.matrices import (
     Matrices,
     MuscleTable,
     NodeTable,
-    State,
     descriptor,
     given_tables,
     read_matrices,
@@ -35,13 +34,19 @@ DATASETS = [
 ]  # fmt: skip
 
 
+VECTORS = ("y", "ydot", "residual", "equilibrium_residual")
+
+
 def complete_matrices() -> Matrices:
     """A model with every table filled by distinct numbers."""
     rng = np.random.default_rng(0)
     plain = random_mechanism(rng, 2, 5)
     n = plain.n
     tables = {
-        "state": State(*rng.normal(size=(4, n))),
+        "y": rng.normal(size=n),
+        "ydot": rng.normal(size=n),
+        "residual": rng.normal(size=n),
+        "equilibrium_residual": rng.normal(size=n),
         "nodes": NodeTable(
             name=np.array([b"body_0", b"body_1"]),
             label=np.array([7, 8]),
@@ -75,13 +80,15 @@ def test_round_trip(path: Path, complete: bool) -> None:
     assert read.c == written.c and read.time == written.time and read.analysis == "linearise"
     for name in ("J_plus", "J_minus", "names", "kinds"):
         assert_array_equal(getattr(read, name), getattr(written, name))
-    for group in ("state", "nodes", "joints", "inputs", "muscles"):
+    for name in VECTORS:
+        assert_array_equal(getattr(read, name), getattr(written, name))
+    for group in ("nodes", "joints", "inputs", "muscles"):
         for field in dataclasses.fields(getattr(written, group)):
             got = getattr(getattr(read, group), field.name)
             assert_array_equal(got, getattr(getattr(written, group), field.name))
     assert read.dof_names[:2] == ("body_0.x", "body_0.y") and read.dof_kinds[-1] == "reaction"
     assert_array_equal(read.muscle_lengths, written.muscles.length)
-    assert_array_equal(read.equilibrium_residual, written.state.equilibrium_residual)
+    assert_array_equal(read.equilibrium_residual, written.equilibrium_residual)
 
 
 def test_equation_15() -> None:
@@ -98,7 +105,7 @@ def test_empty_tables(tmp_path: Path) -> None:
     full = complete_matrices()
     none = np.zeros(0)
     empty = MuscleTable(np.zeros(0, "S1"), np.zeros(0, np.int64), none, none, none, none, none)
-    tables = {group: getattr(full, group) for group in ("state", "nodes", "joints", "inputs")} | {"muscles": empty}
+    tables = {group: getattr(full, group) for group in (*VECTORS, "nodes", "joints", "inputs")} | {"muscles": empty}
     file = tmp_path / "matrices.h5"
     write_matrices(file, dataclasses.replace(full, _table=given_tables("test", tables)))
     assert read_matrices(file).muscle_lengths.shape == (0,)
