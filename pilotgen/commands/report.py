@@ -1,0 +1,87 @@
+"""`pilotgen report`: write report.html of a finished search or sample again.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pilotgen.commands import common
+from pilotgen.errors import FileError
+
+if TYPE_CHECKING:
+    from pilotgen.results import StudyResults
+    from pilotgen.study import Study
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "report",
+        "write the report of a study again",
+        "Write report.html, and for multibody pilots the decks of the Pareto front, of the study.h5 in DIR. A search does this "
+        "at its end; this command does it for a sample, or again after a change of the program.",
+        "pilotgen report results/quick",
+    )
+    parser.add_argument(
+        "directory", metavar="DIR", type=Path, help="output directory of `pilotgen search` or `pilotgen sample`"
+    )
+    parser.add_argument(
+        "--mbdae",
+        metavar="PATH",
+        default=None,
+        help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, or PATH",
+    )
+    parser.add_argument(
+        "--no-evaluations",
+        action="store_true",
+        help="evaluate no pilot: no curves, Bode and Nyquist figures or decks; needs no solver",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read study.h5 and the journal beside it, write the report."""
+    from pilotgen.campaign import RESULTS_NAME, locked_directory
+    from pilotgen.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.report import write_report
+    from pilotgen.results import read_results
+    from pilotgen.study import study_from_text
+
+    path = args.directory / RESULTS_NAME
+    if not path.is_file():
+        raise FileError(
+            f"{path} does not exist; DIR is the output directory of a finished `pilotgen search` or `pilotgen sample` "
+            "(an interrupted one goes on with --resume)"
+        )
+    with locked_directory(args.directory, resume=True) as directory:
+        results = read_results(path)
+        study = study_from_text(str(results.attributes["study_text"]), f"{path}: study_text")
+        rows = journalled(directory, study, results)
+        report = write_report(directory, study, rows, mbdae=args.mbdae, evaluations=not args.no_evaluations)
+    print(f"report: {report}")
+    return 0
+
+
+def journalled(directory: Path, study: Study, results: StudyResults) -> list[Mapping[str, Any]] | None:
+    """Result objects of the study's evaluations from the journal, in their order; None if any is missing there."""
+    from pilotgen.journal import JOURNAL_NAME, Journal, evaluation_key
+
+    if not (directory / JOURNAL_NAME).is_file():
+        return None
+    fingerprint = str(results.attributes["fingerprint"])
+    rows: list[Mapping[str, Any]] = []
+    with Journal(directory / JOURNAL_NAME) as journal:
+        for inputs in results.columns["inputs"].tolist():
+            record = journal.get(evaluation_key(fingerprint, dict(zip(results.names, inputs, strict=True))))
+            if record is None:
+                return None
+            rows.append(record.result)
+    return rows

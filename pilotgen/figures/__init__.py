@@ -1,0 +1,18 @@
+"""Figures: one pilot's loop, and what a study found. Every function returns a matplotlib `Figure`; nothing is shown.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from pilotgen.figures.loop import bode, draw_pilot, nyquist
+from pilotgen.figures.study import all_individuals, convergence, margin_curves, objective_plane, populations
+
+__all__ = [
+    "all_individuals",
+    "bode",
+    "convergence",
+    "draw_pilot",
+    "margin_curves",
+    "nyquist",
+    "objective_plane",
+    "populations",
+]

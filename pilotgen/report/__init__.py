@@ -1,0 +1,9 @@
+"""report.html: what a study found, in words, figures and tables; one file that opens without a network.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from pilotgen.report.findings import replay_command
+from pilotgen.report.write import REPORT_NAME, write_report
+
+__all__ = ["REPORT_NAME", "replay_command", "write_report"]

@@ -1,0 +1,84 @@
+"""Decks of the final Pareto front: one directory per pilot, for a person or for MBDyn to read.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pilotgen.errors import FileError
+from pilotgen.pipeline import Workbench, evaluate
+from pilotgen.report.findings import distinct, worst_order
+from pilotgen.results import StudyResults
+
+FRONT_NAME = "front"
+MOST_DECKS = 20  # pilots of the front whose decks are written; a front can have a hundred that are nearly the same
+
+
+@dataclass(frozen=True)
+class FrontDecks:
+    """What was written.
+
+    Attributes
+    ----------
+    pilots : ndarray of int
+        Indices of the pilots in study.h5; the directories are numbered in this order from 01.
+    different : int
+        How many pilots of the front differ from each other.
+    """
+
+    pilots: np.ndarray
+    different: int
+
+
+def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECKS) -> FrontDecks:
+    """At most `most` pilots of the front that differ from each other, the worst first; spread along it if there are more."""
+    members = set(front.tolist())
+    order = np.array([index for index in worst_order(results).tolist() if index in members], dtype=np.int64)
+    different = distinct(results, order, len(order))
+    if len(different) <= most:
+        return FrontDecks(different, len(different))
+    worst, others = different[:1], different[1:]
+    others = others[np.argsort(results.columns["gain_margin_db"][others], kind="stable")]
+    spread = np.unique(np.linspace(0, len(others) - 1, most - 1).round().astype(int))
+    return FrontDecks(np.concatenate([worst, others[spread]]), len(different))
+
+
+def write_front_decks(directory: Path, bench: Workbench, results: StudyResults, chosen: FrontDecks) -> None:
+    """Write `directory/front/NN/` with decks, matrices.h5 and result.json of every chosen pilot; replaces an older front.
+
+    Raises
+    ------
+    FileError
+        Something cannot be written.
+    """
+    target, part, old = (directory / f"{FRONT_NAME}{suffix}" for suffix in ("", ".part", ".old"))
+    try:
+        for left_over in (part, old):
+            if left_over.exists():
+                shutil.rmtree(left_over)
+        for number, index in enumerate(chosen.pilots.tolist(), start=1):
+            place = part / f"{number:02d}"
+            place.mkdir(parents=True)
+            inputs = zip(results.names, results.columns["inputs"][index].tolist(), strict=True)
+            outcome = evaluate(bench, bench.study.values(dict(inputs)), keep=place)
+            (place / "trim.h5").unlink(missing_ok=True)  # an intermediate product; the decks make it again
+            (place / "result.json").write_text(
+                json.dumps(outcome.result, indent=2, allow_nan=False) + "\n", encoding="utf-8"
+            )
+        if target.exists():
+            os.replace(target, old)
+        os.replace(part, target)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        shutil.rmtree(part, ignore_errors=True)
+        raise FileError(
+            f"{target}: the decks of the front cannot be written ({error.strerror or error}); check space and permissions"
+        ) from None

@@ -1,0 +1,296 @@
+"""What a study says, in numbers and words: worst pilots, where the box binds, how margins move, why pilots failed.
+
+Nothing here draws or evaluates; everything is read from study.h5.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pilotgen.figures.style import quantity
+from pilotgen.figures.study import MARGINS, RULE_OF_THUMB, Curve
+from pilotgen.results import StudyResults
+from pilotgen.search.problem import CAPS
+
+SAME_PILOT = 0.01  # share of the box: pilots that differ by less in every variable count as one
+AT_BOUND = 0.01  # share of the box: this near a bound is at the bound
+CLEAR_TREND, WEAK_TREND = 0.5, 0.2  # rank correlations called clear, and not worth a word
+
+
+def worst_order(results: StudyResults) -> np.ndarray:
+    """Indices of the evaluated pilots, worst first: by front, then by gain plus phase margin (capped)."""
+    columns = results.columns
+    ok = np.flatnonzero(columns["status"] == "ok")
+    capped = [np.clip(columns[name][ok], -CAPS[name], CAPS[name]) for name in MARGINS]
+    front = columns["rank"][ok] if "rank" in columns else np.zeros(len(ok), dtype=np.int64)
+    order: np.ndarray = ok[np.lexsort((capped[0] + capped[1], front))]
+    return order
+
+
+def distinct(results: StudyResults, order: np.ndarray, count: int) -> np.ndarray:
+    """The first `count` of `order` that differ from each other by `SAME_PILOT` of the box in at least one variable."""
+    width = results.upper - results.lower
+    share = results.columns["inputs"] / np.where(width > 0.0, width, 1.0)
+    kept: list[int] = []
+    for index in order.tolist():
+        if len(kept) == count:
+            break
+        if not kept or np.abs(share[kept] - share[index]).max(axis=1).min() >= SAME_PILOT:
+            kept.append(index)
+    return np.array(kept, dtype=np.int64)
+
+
+def first_front(results: StudyResults) -> np.ndarray:
+    """Indices of the final population's first front; of a sample, its non-dominated pilots."""
+    front: np.ndarray
+    if len(results.front):
+        front = results.front[results.columns["status"][results.front] == "ok"]
+        return front
+    from pilotgen.search.ranking import non_dominated_rank
+
+    front = np.flatnonzero(results.columns["status"] == "ok")
+    return front[non_dominated_rank(results.columns["objectives"][front]) == 1] if len(front) else front
+
+
+def pilot_text(results: StudyResults, index: int) -> str:
+    """`age 64 years, body mass index 30 kg/m², stature 1.99 m`."""
+    values = results.columns["inputs"][index]
+    return ", ".join(quantity(name).text(float(value)) for name, value in zip(results.names, values, strict=True))
+
+
+def number(value: float, digits: int) -> str:
+    """A number with a true minus sign; `none` for an infinite margin, a dash for a missing one."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "none" if value > 0.0 else "−∞"
+    text = f"{value:.{digits}f}"
+    return text.replace("-", "−") if float(text) != 0.0 else f"{0.0:.{digits}f}"
+
+
+def margin_text(results: StudyResults, name: str, index: int) -> str:
+    """`4.50 dB at 2.81 Hz`, or that there is no crossing."""
+    return margin_words(name, float(results.columns[name][index]), float(results.columns[_HZ[name]][index]))
+
+
+_HZ = {"gain_margin_db": "gain_margin_hz", "phase_margin_deg": "phase_margin_hz"}
+_NO_CROSSING = {
+    "gain_margin_db": "none (no crossing of the negative real axis)",
+    "phase_margin_deg": "none (no crossing of the unit circle)",
+}
+
+
+def margin_words(name: str, value: float, at_hz: float) -> str:
+    """A margin in words: its value and frequency, or that there is no crossing."""
+    if not math.isfinite(value):
+        return _NO_CROSSING[name]
+    unit, digits = ("dB", 2) if name == "gain_margin_db" else ("°", 1)
+    return (
+        number(value, digits)
+        + (f" {unit}" if unit == "dB" else unit)
+        + (f" at {at_hz:.2f} Hz" if math.isfinite(at_hz) else "")
+    )
+
+
+# ---- sentences
+
+
+def verdict(results: StudyResults, worst: int, rotorcraft: str) -> str:
+    """Who the worst pilot is, and what the loop does with them."""
+    stable = results.columns["stable"][worst] == 1
+    gain, phase = (margin_text(results, name, worst) for name in MARGINS)
+    return (
+        f"The worst pilot has {pilot_text(results, worst)}. With this pilot at the collective of the {rotorcraft} the closed loop is "
+        f"{'stable' if stable else 'UNSTABLE'}: gain margin {gain}, phase margin {phase}."
+    )
+
+
+def rule_of_thumb(results: StudyResults, worst: int) -> list[str]:
+    """How far the worst pilot is from 6 dB and 60 deg, and how many pilots are."""
+    sentences = []
+    for name in MARGINS:
+        value, wanted = float(results.columns[name][worst]), RULE_OF_THUMB[name]
+        unit, digits = (" dB", 2) if name == "gain_margin_db" else ("°", 1)
+        limit = f"{wanted:g}{unit}"
+        label = quantity(name).name
+        if math.isinf(value) and value > 0.0:
+            sentences.append(
+                f"{label.capitalize()}: the worst pilot's loop has no crossing, so nothing limits it; the rule asks for {limit}."
+            )
+        elif math.isinf(value):
+            sentences.append(
+                f"{label.capitalize()}: the closed loop is unstable and no change of gain or phase on the way to it can be named."
+            )
+        elif value < wanted:
+            sentences.append(
+                f"{label.capitalize()}: the worst pilot misses the {limit} of the rule of thumb by {number(wanted - value, digits)}{unit}."
+            )
+        else:
+            sentences.append(
+                f"{label.capitalize()}: even the worst pilot keeps the {limit} of the rule of thumb, with {number(value - wanted, digits)}{unit} to spare."
+            )
+    return sentences + _shares(results)
+
+
+def _shares(results: StudyResults) -> list[str]:
+    """How many pilots of the first population, which covers the box evenly, miss the rule."""
+    columns = results.columns
+    rows = results.members[0] if len(results.members) else np.arange(len(columns["status"]))
+    rows = rows[columns["status"][rows] == "ok"]
+    if not len(rows):
+        return []
+    counts = [int((columns[name][rows] < RULE_OF_THUMB[name]).sum()) for name in MARGINS]
+    unstable = int((columns["stable"][rows] == 0).sum())
+    who = "first population, spread evenly over the box" if len(results.members) else "sample"
+    return [
+        f"Of the {len(rows)} evaluated pilots of the {who}, {counts[0]} have less than 6 dB, {counts[1]} less than 60°, "
+        f"and {unstable} make the closed loop unstable."
+    ]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A variable of the worst pilot at an end of its range."""
+
+    name: str
+    side: str  # "lower" | "upper"
+    value: float
+    share: float  # of the first front that lies at this bound
+
+    @property
+    def sentence(self) -> str:
+        """`The search stopped at body mass index 30 kg/m², the upper bound: ...`."""
+        return (
+            f"The search stopped at {quantity(self.name).text(self.value)}, the {self.side} bound of the study "
+            f"({100.0 * self.share:.0f} % of the final front lies there): the worst pilot may lie beyond."
+        )
+
+
+def bounds_met(results: StudyResults, worst: int, front: np.ndarray) -> list[Bound]:
+    """Which variables of the worst pilot are at an end of the box."""
+    width = results.upper - results.lower
+    share = (results.columns["inputs"] - results.lower) / np.where(width > 0.0, width, 1.0)
+    found = []
+    for j, name in enumerate(results.names):
+        for side, distance, value in (
+            ("lower", share[:, j], results.lower[j]),
+            ("upper", 1.0 - share[:, j], results.upper[j]),
+        ):
+            if distance[worst] <= AT_BOUND:
+                found.append(Bound(name, side, float(value), float(np.mean(distance[front] <= AT_BOUND))))
+    return found
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How the margins of the first population go with one variable: rank correlations, NaN if they cannot be told."""
+
+    name: str
+    correlation: Mapping[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """`The gain margin falls clearly with rising body mass index.`"""
+        value = self.correlation["gain_margin_db"]
+        label = quantity(self.name).name
+        if math.isnan(value):
+            return f"Nothing can be said about the {label}."
+        if abs(value) < WEAK_TREND:
+            return f"Over the whole box the gain margin hardly follows the {label}."
+        how = "clearly" if abs(value) >= CLEAR_TREND else "somewhat"
+        return f"Over the whole box the gain margin {'rises' if value > 0.0 else 'falls'} {how} with rising {label}."
+
+
+def trends(results: StudyResults) -> list[Trend]:
+    """Spearman's rank correlation of the capped margins with every variable, in the first population or the sample."""
+    columns = results.columns
+    rows = results.members[0] if len(results.members) else np.arange(len(columns["status"]))
+    rows = rows[columns["status"][rows] == "ok"]
+    capped = {name: np.clip(columns[name][rows], -CAPS[name], CAPS[name]) for name in MARGINS}
+    return [
+        Trend(variable, {name: _spearman(columns["inputs"][rows, j], capped[name]) for name in MARGINS})
+        for j, variable in enumerate(results.names)
+    ]
+
+
+def _spearman(x: np.ndarray, y: np.ndarray) -> float:
+    if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return math.nan
+    return float(np.corrcoef(_ranks(x), _ranks(y))[0, 1])
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks from 0; equal values share the mean of theirs."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    ranks: np.ndarray = (last - 0.5 * (counts + 1))[inverse]
+    return ranks
+
+
+def curve_sentence(curve: Curve) -> str:
+    """`For the worst pilot, changing it alone moves the gain margin from −4.50 to 2.79 dB.`"""
+    margin = curve.margins["gain_margin_db"]
+    if np.isnan(margin).all():
+        return ""
+    low, high = float(np.nanmin(margin)), float(np.nanmax(margin))
+    if math.isinf(low) or math.isinf(high):
+        return "For the worst pilot, changing it alone makes the gain margin infinite somewhere in its range."
+    return f"For the worst pilot, changing it alone moves the gain margin between {number(low, 2)} and {number(high, 2)} dB."
+
+
+# ---- failures and replay
+
+
+def replay_command(names: Sequence[str], values: Sequence[float], study: str, directory: str = "replay") -> str:
+    """The command line that evaluates one pilot of a study again."""
+    settings = " ".join(f"{name}={float(value)!r}" for name, value in zip(names, values, strict=True))
+    return f"pilotgen pilot {shlex.quote(study)} -o {directory} --set {settings}"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Failed pilots with the same stage and, numbers aside, the same reason."""
+
+    stage: str
+    reason: str  # of the first of them
+    count: int
+    example: int  # its index
+
+
+def failures(results: StudyResults) -> list[Failure]:
+    """Failed pilots by reason, the most frequent first."""
+    from pilotgen.campaign import failures_by_reason
+
+    columns = results.columns
+    rows: list[Mapping[str, Any]] = [
+        {"status": "failed", "stage": str(columns["stage"][k]), "reason": str(columns["reason"][k]), "index": int(k)}
+        for k in np.flatnonzero(columns["status"] != "ok")
+    ]
+    return [
+        Failure(stage, reason, count, example["index"]) for stage, reason, count, example in failures_by_reason(rows)
+    ]
+
+
+@dataclass(frozen=True)
+class Extrapolation:
+    """Evaluations that leave the range of the data behind the body model in the same way."""
+
+    sentence: str  # of the first of them
+    count: int
+
+
+def extrapolations(rows: Sequence[Mapping[str, Any]]) -> list[Extrapolation]:
+    """What the evaluations say about leaving the range of their data, grouped by the first word (the biometric)."""
+    groups: dict[str, list[str]] = {}
+    for row in rows:
+        for sentence in row.get("extrapolated", []):
+            groups.setdefault(str(sentence).split(" ", 1)[0], []).append(str(sentence))
+    return [Extrapolation(sentences[0], len(sentences)) for _, sentences in sorted(groups.items())]

@@ -1,0 +1,272 @@
+"""The page: findings, figures and tables put into the template.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pilotgen.figures import loop as loop_figures
+from pilotgen.figures import study as study_figures
+from pilotgen.figures.style import png, quantity
+from pilotgen.pipeline import Evaluation, FailedEvaluation
+from pilotgen.report import findings
+from pilotgen.report.findings import number, replay_command
+from pilotgen.results import StudyResults
+from pilotgen.study import Study
+
+if TYPE_CHECKING:
+    import jinja2
+    from matplotlib.figure import Figure
+
+    from pilotgen.report.decks import FrontDecks
+    from pilotgen.report.write import Repeated
+
+TEMPLATE = "report.html.j2"
+STUDY_FILE = "study.yaml"  # beside the report, so that its commands hold wherever the directory goes
+TABLE_ROWS = 10
+PIXELS_PER_INCH = 106  # CSS pixels: a figure of the page's width fills the page
+# columns of study.h5 shown beside the searched variables, where they were computed: heading, digits
+DERIVED = {"mass_kg": ("mass [kg]", 1), "bmi": ("BMI [kg/m²]", 1), "pilot_frequency_hz": ("pilot mode [Hz]", 2), "pilot_damping": ("its damping", 2)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page."""
+
+    data: str  # base64 of a PNG
+    width_px: int  # on a screen; figures keep their letters at one size
+    alt: str
+    caption: str
+
+
+@functools.cache
+def _template() -> jinja2.Template:
+    import jinja2
+
+    loader = jinja2.FileSystemLoader(Path(__file__).parent.parent / "data")
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template(TEMPLATE)
+
+
+def render(
+    study: Study,
+    results: StudyResults,
+    order: np.ndarray,
+    front: np.ndarray,
+    rows: Sequence[Mapping[str, Any]] | None,
+    repeated: Repeated | None,
+    front_decks: FrontDecks | None,
+) -> str:
+    """The text of report.html; parameters as gathered by `write_report`."""
+    columns = results.columns
+    worst = int(order[0]) if len(order) else None
+    count, failed = len(columns["status"]), int((columns["status"] != "ok").sum())
+    content: dict[str, Any] = {
+        "study": study,
+        "attributes": results.attributes,
+        "is_search": bool(len(results.members)),
+        "count": count,
+        "failed": failed,
+        "generations": len(results.members),
+        "settings": _settings(study, results),
+        "failures": _failure_table(results),
+        "extrapolations": None if rows is None else findings.extrapolations(rows),
+        "worst": worst,
+        "objectives": ", ".join(quantity(name).name for name in results.objective_names),
+    }
+    if worst is not None:
+        content |= {
+            "verdict": findings.verdict(results, worst, study.rotorcraft.name),
+            "nominal": _nominal_sentence(study, repeated),
+            "rule": findings.rule_of_thumb(results, worst),
+            "bounds": [bound.sentence for bound in findings.bounds_met(results, worst, front)],
+            "trends": [
+                (trend, findings.curve_sentence(curve) if curve else "")
+                for trend, curve in zip(
+                    findings.trends(results), repeated.curves if repeated else [None] * len(results.names), strict=True
+                )
+            ],
+            "who": _front_ranges(results, front),
+            "front_count": len(front),
+            "table": _worst_table(results, order),
+            "pictures": _pictures(results, front, worst, repeated),
+            "repeated": repeated,
+            "worst_again": repeated.worst if repeated else None,
+            "worst_failed": isinstance(repeated.worst, FailedEvaluation) if repeated else False,
+            "decks": front_decks,
+            "same_pilot": findings.SAME_PILOT,
+        }
+    return _template().render(content, quantity=quantity, number=number)
+
+
+# ---- figures
+
+
+def _picture(figure: Figure, alt: str, caption: str) -> Picture:
+    width_px = round(PIXELS_PER_INCH * float(figure.get_size_inches()[0]))
+    return Picture(base64.b64encode(png(figure)).decode("ascii"), width_px, alt, caption)
+
+
+def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Repeated | None) -> dict[str, Picture]:
+    dark = "Darker markers are more prone to bounce; the ring is the worst pilot."
+    pictures = {
+        "individuals": _picture(
+            study_figures.all_individuals(results, worst),
+            "every evaluated pilot over the searched variables",
+            f"Every evaluated pilot. {dark}",
+        ),
+        "plane": _picture(
+            study_figures.objective_plane(results, front, worst),
+            "gain margin against phase margin of every pilot, with the Pareto front",
+            "Gain against phase margin. “none”: the loop has no such crossing and the margin is infinite. "
+            "Negative margins: the closed loop is unstable.",
+        ),
+        "curves": _picture(
+            study_figures.margin_curves(results, repeated.curves if repeated else (), worst),
+            "gain and phase margin of every pilot against each searched variable",
+            "Margins against each variable. Blue: the first population, which covers the box evenly; grey: all later pilots, which the "
+            "search drew from where margins are small"
+            + (
+                "; orange: the worst pilot with this one variable changed, all others held."
+                if repeated and repeated.curves
+                else "."
+            ),
+        ),
+    }
+    if len(results.members):
+        pictures["populations"] = _picture(
+            study_figures.populations(results, worst),
+            "the first and the last population over the searched variables",
+            f"The population at the start and at the end. {dark}",
+        )
+        pictures["convergence"] = _picture(
+            study_figures.convergence(results),
+            "smallest and median margins of the population against the generation",
+            "The population's margins from generation to generation.",
+        )
+    if repeated is not None:
+        pilots = [
+            (name, outcome)
+            for name, outcome in (("nominal pilot", repeated.nominal), ("worst pilot", repeated.worst))
+            if isinstance(outcome, Evaluation)
+        ]
+        if pilots:
+            names = " and ".join(name for name, _ in pilots)
+            pictures["nyquist"] = _picture(
+                loop_figures.nyquist(pilots),
+                f"Nyquist curves of the {names}",
+                "Nyquist curves around the critical point −1 (+). Grey markers are crossings that do not set a margin; the pale curve is ω < 0.",
+            )
+            pictures["bode"] = _picture(
+                loop_figures.bode(pilots),
+                f"Bode diagrams of the {names}",
+                "Biodynamic feedthrough (motion of the collective grip per seat acceleration, washout included) and loop.",
+            )
+    return pictures
+
+
+# ---- tables and sentences
+
+
+def _settings(study: Study, results: StudyResults) -> list[tuple[str, str]]:
+    box = "; ".join(
+        f"{quantity(name).name} {low:g} to {high:g} {quantity(name).unit}".rstrip()
+        for name, low, high in zip(results.names, results.lower, results.upper, strict=True)
+    )
+    attributes = results.attributes
+    said = [
+        ("study", str(attributes["study_name"])),
+        ("rotorcraft", study.rotorcraft.name),
+        (
+            "pilot model",
+            "multibody, generated decks" if study.pilot.model == "multibody" else "Mayo's transfer function",
+        ),
+        ("search box", box),
+        (
+            "evaluations",
+            f"{len(results.columns['status'])}, of which {int((results.columns['status'] != 'ok').sum())} failed",
+        ),
+        ("stopped by", str(attributes["stopped_by"])),
+        ("seed", str(attributes["seed"])),
+        ("pilotgen", str(attributes["pilotgen_version"])),
+        ("solver", str(attributes["solver_version"])),
+        ("fingerprint", str(attributes["fingerprint"])),
+    ]
+    if len(results.members):
+        said.insert(5, ("generations", f"{len(results.members)} of {results.members.shape[1]} pilots"))
+    return said
+
+
+def _nominal_sentence(study: Study, repeated: Repeated | None) -> str | None:
+    if repeated is None:
+        return None
+    values = ", ".join(quantity(name).text(value) for name, value in study.nominal.items())
+    if isinstance(repeated.nominal, FailedEvaluation):
+        return (
+            f"The nominal pilot ({values}) could not be evaluated: {repeated.nominal.stage}: {repeated.nominal.reason}"
+        )
+    margins = repeated.nominal.margins
+    gain = findings.margin_words("gain_margin_db", margins.gain_margin_db, _or_nan(margins.gain_margin_hz))
+    phase = findings.margin_words("phase_margin_deg", margins.phase_margin_deg, _or_nan(margins.phase_margin_hz))
+    state = "stable" if margins.stable else "UNSTABLE"
+    return f"For comparison, the nominal pilot ({values}): {state}, gain margin {gain}, phase margin {phase}."
+
+
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _front_ranges(results: StudyResults, front: np.ndarray) -> str | None:
+    """The range of every variable over the first front."""
+    if len(front) < 2:
+        return None
+    inputs = results.columns["inputs"][front]
+    parts = []
+    for j, name in enumerate(results.names):
+        low, high = (f"{value:.3g}" for value in (inputs[:, j].min(), inputs[:, j].max()))
+        span = low if low == high else f"{low} to {high}"
+        parts.append(f"{quantity(name).name} {span} {quantity(name).unit}".rstrip())
+    return "; ".join(parts)
+
+
+def _worst_table(results: StudyResults, order: np.ndarray) -> dict[str, Any]:
+    columns = results.columns
+    chosen = findings.distinct(results, order, TABLE_ROWS)
+    derived = [name for name in DERIVED if name not in results.names and np.isfinite(columns[name][chosen]).any()]
+    heads = [quantity(name).axis for name in results.names] + [DERIVED[name][0] for name in derived]
+    heads += ["gain margin [dB]", "at [Hz]", "phase margin [deg]", "at [Hz]", "modulus margin", "closed loop"]
+    lines = []
+    for k in chosen.tolist():
+        cells = [f"{value:.4g}" for value in columns["inputs"][k]]
+        cells += [number(float(columns[name][k]), DERIVED[name][1]) for name in derived]
+        for name, at, digits in (("gain_margin_db", "gain_margin_hz", 2), ("phase_margin_deg", "phase_margin_hz", 1)):
+            margin, hz = float(columns[name][k]), float(columns[at][k])
+            cells += [number(margin, digits), number(hz, 2) if np.isfinite(hz) else "–"]
+        cells += [number(float(columns["modulus_margin"][k]), 3), "stable" if columns["stable"][k] == 1 else "UNSTABLE"]
+        lines.append({"cells": cells, "replay": replay_command(results.names, columns["inputs"][k], STUDY_FILE)})
+    return {"heads": heads, "lines": lines}
+
+
+def _failure_table(results: StudyResults) -> list[dict[str, Any]]:
+    total = len(results.columns["status"])
+    return [
+        {
+            "stage": failure.stage,
+            "reason": failure.reason,
+            "count": failure.count,
+            "share": f"{100.0 * failure.count / total:.2g} %",
+            "replay": replay_command(results.names, results.columns["inputs"][failure.example], STUDY_FILE),
+        }
+        for failure in findings.failures(results)
+    ]

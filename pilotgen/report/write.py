@@ -1,0 +1,137 @@
+"""Gather, draw and write: study.h5 in, report.html and the decks of the front out.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotgen.campaign import RESULTS_NAME
+from pilotgen.errors import FileError
+from pilotgen.figures.study import MARGINS, Curve
+from pilotgen.pipeline import Evaluation, FailedEvaluation, Workbench, evaluate
+from pilotgen.report import decks, findings, page
+from pilotgen.results import StudyResults, read_results
+from pilotgen.study import Study
+
+REPORT_NAME = "report.html"
+STUDY_NAME = "study.yaml"
+CURVE_POINTS = 15  # pilots per variable of the one-at-a-time curves
+SAME_MARGIN = 1e-6  # dB, deg: an evaluation repeated by the same program differs by nothing
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """What is evaluated again for the report.
+
+    Attributes
+    ----------
+    nominal, worst : Evaluation or FailedEvaluation
+        The study's nominal pilot and the worst one.
+    curves : tuple of Curve
+        Margins through the worst pilot along each variable.
+    same : bool
+        The worst pilot has the margins that study.h5 holds.
+    """
+
+    nominal: Evaluation | FailedEvaluation
+    worst: Evaluation | FailedEvaluation
+    curves: tuple[Curve, ...]
+    same: bool
+
+
+def write_report(
+    directory: Path,
+    study: Study,
+    rows: Sequence[Mapping[str, Any]] | None = None,
+    mbdae: str | None = None,
+    evaluations: bool = True,
+) -> Path:
+    """Write report.html, study.yaml (the study's text) and, for multibody pilots, the decks of the front to `directory`.
+
+    Parameters
+    ----------
+    directory : Path
+        Where study.h5 is.
+    study : Study
+        The study it came from.
+    rows : sequence of mapping, optional
+        Result objects of its evaluations, for what study.h5 does not hold (extrapolations); None if they are lost.
+    mbdae : str, optional
+        Path of the solver.
+    evaluations : bool
+        False evaluates nothing: no curves, no Bode and Nyquist figures, no decks, no solver needed.
+
+    Returns
+    -------
+    Path
+        The report. The same study.h5 and program give the same bytes.
+
+    Raises
+    ------
+    FileError
+        study.h5 cannot be read, or something cannot be written.
+    """
+    results = read_results(directory / RESULTS_NAME)
+    order = findings.worst_order(results)
+    front = findings.first_front(results)
+    repeated, front_decks = None, None
+    if evaluations and len(order):
+        with Workbench(study, mbdae=mbdae) as bench:
+            repeated = _repeat(bench, results, int(order[0]))
+            if study.pilot.model == "multibody":
+                front_decks = decks.choose_front(results, front)
+                decks.write_front_decks(directory, bench, results, front_decks)
+    text = page.render(study, results, order, front, rows, repeated, front_decks)
+    _write_text(directory / STUDY_NAME, study.text)
+    _write_text(directory / REPORT_NAME, text)
+    return directory / REPORT_NAME
+
+
+def _repeat(bench: Workbench, results: StudyResults, worst: int) -> Repeated:
+    values = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
+    again = evaluate(bench, bench.study.values(values))
+    same = isinstance(again, Evaluation) and all(
+        _equal(getattr(again.margins, name), float(results.columns[name][worst])) for name in MARGINS
+    )
+    return Repeated(
+        evaluate(bench, bench.study.nominal),
+        again,
+        tuple(one_at_a_time(bench, results, values, j) for j in range(len(results.names))),
+        same,
+    )
+
+
+def _equal(a: float, b: float) -> bool:
+    return a == b or abs(a - b) <= SAME_MARGIN
+
+
+def one_at_a_time(
+    bench: Workbench, results: StudyResults, values: Mapping[str, float], column: int, points: int = CURVE_POINTS
+) -> Curve:
+    """Margins of the pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
+    name = results.names[column]
+    grid = np.unique(np.append(np.linspace(results.lower[column], results.upper[column], points), values[name]))
+    margins = np.full((len(MARGINS), len(grid)), np.nan)
+    for k, value in enumerate(grid.tolist()):
+        outcome = evaluate(bench, bench.study.values({**values, name: value}))
+        if isinstance(outcome, Evaluation):
+            margins[:, k] = [getattr(outcome.margins, margin) for margin in MARGINS]
+    return Curve(name, grid, dict(zip(MARGINS, margins, strict=True)))
+
+
+def _write_text(path: Path, text: str) -> None:
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise FileError(f"{path}: cannot be written ({error.strerror}); check space and permissions") from None
