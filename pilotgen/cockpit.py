@@ -200,9 +200,7 @@ def make_cockpit(
         torso={side: _shoulder(body, data, side, shift) for side in body.limbs},
         inceptors={
             side: (
-                _collective(data["collective"], lever_length_m, position)
-                if side == "left"
-                else _cyclic(data["cyclic"])
+                _collective(data["collective"], lever_length_m, position) if side == "left" else _cyclic(data["cyclic"])
             )
             for side in body.limbs
         },

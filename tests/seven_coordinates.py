@@ -16,7 +16,15 @@ import numpy as np
 
 from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit
-from pilotgen.kinematics import MIRROR, arm_geometry, forward, joint_coordinates, mirror_pose, muscle_lengths, rotation_vector
+from pilotgen.kinematics import (
+    MIRROR,
+    arm_geometry,
+    forward,
+    joint_coordinates,
+    mirror_pose,
+    muscle_lengths,
+    rotation_vector,
+)
 from pilotgen.posture import Posture
 
 GRAVITY = 9.81

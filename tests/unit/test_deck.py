@@ -40,7 +40,14 @@ def render(limbs: tuple[str, ...], **options: object) -> dict[str, str]:
         "posture": decks.render_posture(body, cockpit, guess),
         "trim": decks.render_trim(body, cockpit, posture, gains=Gains(), c=0.01),
         "pilot": decks.render_direct(
-            body, cockpit, posture, activations=activations, muscle_lengths=posture.muscle_lengths_m, gains=Gains(), c=0.01, **options
+            body,
+            cockpit,
+            posture,
+            activations=activations,
+            muscle_lengths=posture.muscle_lengths_m,
+            gains=Gains(),
+            c=0.01,
+            **options,
         ),
     }
 
@@ -112,7 +119,7 @@ def test_labels_are_unique_within_nodes_and_joints(key: tuple) -> None:
     for kind in ("structural", "joint", "body", "reference"):
         labels = re.findall(rf"\n\t?{kind}: (\w+),", without_comments(text))
         numbers = [values[label] for label in labels]
-        assert labels and len(set(numbers)) == len(numbers) or (kind == "body" and key[1] == "posture")
+        assert (labels and len(set(numbers)) == len(numbers)) or (kind == "body" and key[1] == "posture")
     joints = set(re.findall(r"\n\tjoint: (\w+),", text))
     bodies = set(re.findall(r"\n\tstructural: (\w+),", text))
     assert not joints & bodies, "the solver names unknowns after these"

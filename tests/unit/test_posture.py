@@ -64,7 +64,8 @@ def test_half_a_turn_has_a_rotation_vector() -> None:
 @given(vectors, vectors)
 def test_rate_of_the_rotation_vector(v: np.ndarray, w: np.ndarray) -> None:
     h = 1e-6
-    difference = (rotation_vector(rotation(h * w) @ rotation(v)) - rotation_vector(rotation(-h * w) @ rotation(v))) / (2 * h)
+    ahead, behind = (rotation_vector(rotation(sign * h * w) @ rotation(v)) for sign in (1.0, -1.0))
+    difference = (ahead - behind) / (2 * h)
     assert rotation_vector_rate(v) @ w == pytest.approx(difference, abs=1e-6)
 
 
@@ -72,7 +73,7 @@ def test_frames_are_completed_as_the_decks_mean_them() -> None:
     for index, guess_index in ((3, 1), (3, 2), (1, 2), (2, 3), (1, 3), (2, 1)):
         axis, guess = np.array([0.1, -0.3, 0.9]), np.array([0.8, 0.5, 0.1])
         R = frame(axis, index, guess, guess_index)
-        assert R @ R.T == pytest.approx(np.eye(3), abs=1e-15)
+        assert pytest.approx(np.eye(3), abs=1e-15) == R @ R.T
         assert np.linalg.det(R) == pytest.approx(1.0)
         assert R[:, index - 1] == pytest.approx(axis / np.linalg.norm(axis))
         assert R[:, guess_index - 1] @ guess > 0.5  # in the plane of both, on the guess's side
@@ -135,7 +136,8 @@ def test_muscle_lengths_are_distances() -> None:
     frames = {**poses, "torso": TORSO}
     for muscle, length in zip(limb.muscles, lengths, strict=True):
         (x1, R1), (x2, R2) = frames[muscle.origin_body], frames[muscle.insertion_body]
-        assert length == pytest.approx(np.linalg.norm(x2 + R2 @ muscle.insertion_m - x1 - R1 @ muscle.origin_m), rel=1e-14)
+        span = x2 + R2 @ muscle.insertion_m - x1 - R1 @ muscle.origin_m
+        assert length == pytest.approx(np.linalg.norm(span), rel=1e-14)
 
 
 # ---- first guess -----------------------------------------------------------------------------------------------------
@@ -178,7 +180,8 @@ def test_the_guess_of_a_left_arm_at_a_mirrored_cockpit_is_that_of_a_right_arm() 
     left = COCKPIT.inceptors["left"]
     handle = mirror_pose((left.pose[0], left.pose[1] @ left.handle))[1]
     pose = mirror_pose(left.pose)
-    mirrored = dataclasses.replace(left, side="right", pose=pose, grip_m=left.grip_m * MIRROR, handle=pose[1].T @ handle)
+    grip = left.grip_m * MIRROR
+    mirrored = dataclasses.replace(left, side="right", pose=pose, grip_m=grip, handle=pose[1].T @ handle)
     cockpit = dataclasses.replace(COCKPIT, inceptors={"left": left, "right": mirrored})
     guess = first_guess(BODY, cockpit)
     assert np.allclose(guess.coordinates["left"], guess.coordinates["right"], rtol=0, atol=1e-12)
@@ -189,7 +192,8 @@ def test_the_guess_of_a_left_arm_at_a_mirrored_cockpit_is_that_of_a_right_arm() 
 
 
 def test_out_of_reach_is_told_in_metres() -> None:
-    far = make_cockpit(BODY, lever_length_m=0.32, position=0.5, overrides={"collective": {"grip_m": [0.9, 0.24, -0.25]}})
+    away = {"collective": {"grip_m": [0.9, 0.24, -0.25]}}
+    far = make_cockpit(BODY, lever_length_m=0.32, position=0.5, overrides=away)
     with pytest.raises(EvaluationError, match=r"collective grip is 0\.\d+ m .* beyond the reach") as caught:
         first_guess(BODY, far)
     assert caught.value.stage == "posture"
