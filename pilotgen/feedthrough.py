@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike
 
 from pilotgen.check import check_choice, check_positive
 from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Numbers
-from pilotgen.errors import MatrixError
+from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.matrices import Matrices, descriptor
 from pilotgen.modal import ModalModel, modes
 from pilotgen.pilot_model import PilotModel, real_blocks
 from pilotgen.plant import COLLECTIVE, Channels, Plant, full_order_response, split, translation_error
 
+_STAGE = "feedthrough"
 PROJECTIONS = ("exact", "literal")
 # Largest relative violation of the invariance to vertical translation that is still round-off. Matrices of both solvers
 # are below 1e-12; a spring to the ground of 1e-6 of the stiffest muscle is far above.
@@ -55,8 +56,11 @@ def make_pilot_model(
     Raises
     ------
     MatrixError
-        The model is not that of a pilot in a cockpit: names are missing, a motion is free, or the model is not
-        invariant to vertical translation.
+        The model is not that of a pilot in a cockpit: an unknown or joint is missing, or the matrices are not of a
+        multibody model.
+    EvaluationError
+        This pilot has no feedthrough: a motion is free or determined by nothing, or the model is not invariant to
+        vertical translation.
     """
     check_choice("projection", projection, PROJECTIONS)
     check_positive("lever_length_m", lever_length_m, "m")
@@ -65,15 +69,20 @@ def make_pilot_model(
     plant = split(model, names)
     violation = translation_error(plant, names.imposed.rpartition(".")[2])
     if not violation < TRANSLATION_LIMIT:
-        raise MatrixError(
+        raise EvaluationError(
+            _STAGE,
             f"the model changes when cockpit and pilot translate together (relative violation {violation:.2g}, limit "
-            f"{TRANSLATION_LIMIT:.0e}): something besides the seat is held by the ground"
+            f"{TRANSLATION_LIMIT:.0e}): something besides the seat is held by the ground",
         )
-    modal = modes(plant.free, plant.form)
+    try:
+        modal = modes(plant.free, plant.form)
+    except MatrixError as error:
+        raise EvaluationError(_STAGE, str(error)) from error
     if modal.n_zero:
-        raise MatrixError(
+        raise EvaluationError(
+            _STAGE,
             f"the pilot has {modal.n_zero} eigenvalues at zero: some part moves freely and has no feedthrough; "
-            "every joint needs muscles, a spring or a hand that holds it"
+            "every joint needs muscles, a spring or a hand that holds it",
         )
     A, B, C, D, parts = _literal(plant, modal) if projection == "literal" else _exact(plant, modal)
     return PilotModel(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pilotgen.descriptor import Complexes, Floats
-from pilotgen.errors import FileError, MatrixError
+from pilotgen.errors import EvaluationError, FileError, MatrixError
 
 if TYPE_CHECKING:
     import control
@@ -106,7 +106,9 @@ class PilotModel:
     def dominant_pole(self) -> complex:
         """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates."""
         if len(self.poles) == 0:
-            raise MatrixError("the pilot has no mode: nothing of it moves, or every motion is without mass")
+            raise EvaluationError(
+                "feedthrough", "the pilot has no mode: nothing moves, or only parts without mass"
+            )
         residues = self.residues
         weight = np.ones(len(self.poles)) if residues is None else np.abs(residues[0])
         oscillates = self.poles.imag > 0.0

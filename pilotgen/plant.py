@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pilotgen.descriptor import Complexes, DescriptorModel, Floats
-from pilotgen.errors import MatrixError
+from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.modal import SecondOrderForm, independent_constraints, second_order_form
 
 COLLECTIVE = "collective_rotation"
@@ -189,6 +189,6 @@ def full_order_response(plant: Plant, omega: ArrayLike) -> Complexes:
     try:
         solution = np.linalg.solve(pencil, right)
     except np.linalg.LinAlgError as error:
-        raise MatrixError("the full-order model is singular at one of the frequencies") from error
+        raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
     outputs = plant.output_matrix[:, free.coordinates]
     return (solution[:, :n_q, 0] @ outputs.T) / (s * s)[:, None]
