@@ -43,12 +43,16 @@ def locked_directory(directory: Path, resume: bool) -> Iterator[Path]:
     except FileExistsError:
         raise FileError(f"{directory} is a file; the output needs a directory") from None
     except OSError as error:
-        raise FileError(f"{directory}: cannot be used for output ({error.strerror}); choose a directory you can write to") from None
+        raise FileError(
+            f"{directory}: cannot be used for output ({error.strerror}); choose a directory you can write to"
+        ) from None
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise FileError(f"{directory} is in use by another run; wait for it, or choose another output directory") from None
+            raise FileError(
+                f"{directory} is in use by another run; wait for it, or choose another output directory"
+            ) from None
         if not resume and ((directory / RESULTS_NAME).exists() or (directory / JOURNAL_NAME).exists()):
             raise FileError(
                 f"{directory} already holds a study; add --resume to go on with it (finished evaluations are kept), "

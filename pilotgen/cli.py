@@ -18,7 +18,7 @@ from typing import NoReturn
 from pilotgen import __version__
 from pilotgen.errors import EvaluationError, PilotgenError
 
-COMMANDS = ("pilot", "decks", "search", "sample", "identify", "calibrate", "compare", "rotorcraft", "report")
+COMMANDS = ("pilot", "decks", "search", "sample", "compare", "rotorcraft")
 
 EXIT_ERROR = 1
 EXIT_FAILED = 2

@@ -31,7 +31,9 @@ class DaskWorkers:
             import dask
             from distributed import Client, LocalCluster
         except ImportError:
-            raise FileError("--executor dask needs the package distributed; install it with: pip install 'pilotgen[cluster]'") from None
+            raise FileError(
+                "--executor dask needs the package distributed; install it with: pip install 'pilotgen[cluster]'"
+            ) from None
         # A worker killed from outside is no fault of the pilots it had; only repeated deaths are.
         dask.config.set({"distributed.scheduler.allowed-failures": 5, "distributed.admin.log-length": 100})
         self._cluster = None
@@ -40,9 +42,13 @@ class DaskWorkers:
             dask.config.set({"distributed.nanny.pre-spawn-environ": environment})
             self._cluster = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
         try:
-            self._client = Client(self._cluster if self._cluster is not None else address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
+            self._client = Client(
+                self._cluster if self._cluster is not None else address, timeout=CONNECT_TIMEOUT_S, set_as_default=False
+            )
         except (OSError, ValueError, TimeoutError) as error:
-            raise FileError(f"--scheduler {address}: no dask scheduler answers there ({error}); start one with: dask scheduler") from None
+            raise FileError(
+                f"--scheduler {address}: no dask scheduler answers there ({error}); start one with: dask scheduler"
+            ) from None
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         """Yield (index, result) as they finish; a task that keeps killing its workers yields a WorkerLost."""

@@ -21,7 +21,9 @@ from typing import Any, Protocol
 # Set in every worker before numpy is imported there: pilots are small, parallelism is over pilots.
 SINGLE_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
-MAX_ATTEMPTS = 3  # a worker can die of an outside cause (out of memory, kill); three deaths on one pilot are no accident
+MAX_ATTEMPTS = (
+    3  # a worker can die of an outside cause (out of memory, kill); three deaths on one pilot are no accident
+)
 
 
 def pin_threads() -> None:
@@ -108,7 +110,10 @@ class ProcessWorkers:
                     if alone:
                         attempts[index] += 1
                         if attempts[index] >= MAX_ATTEMPTS:
-                            yield index, WorkerLost(f"the worker died {MAX_ATTEMPTS} times while evaluating this pilot alone")
+                            yield (
+                                index,
+                                WorkerLost(f"the worker died {MAX_ATTEMPTS} times while evaluating this pilot alone"),
+                            )
                             continue
                     suspects.append(index)
 

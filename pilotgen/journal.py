@@ -77,7 +77,9 @@ class Journal:
                 self._db.execute("INSERT INTO meta VALUES ('journal_version', ?)", (str(JOURNAL_VERSION),))
             return
         if not {"meta", "evaluation"} <= tables:
-            raise FileError(f"{self.path}: is an SQLite file but not a pilotgen journal; choose another output directory")
+            raise FileError(
+                f"{self.path}: is an SQLite file but not a pilotgen journal; choose another output directory"
+            )
         row = self._db.execute("SELECT value FROM meta WHERE name='journal_version'").fetchone()
         if row is None or row[0] != str(JOURNAL_VERSION):
             raise FileError(
@@ -168,7 +170,9 @@ class Journal:
         try:
             return Record(row[0], json.loads(row[1]), row[2], json.loads(row[3]), row[4])
         except ValueError as error:
-            raise FileError(f"{self.path}: evaluation {row[0][:12]} is damaged ({error}); move the journal aside") from None
+            raise FileError(
+                f"{self.path}: evaluation {row[0][:12]} is damaged ({error}); move the journal aside"
+            ) from None
 
     def close(self) -> None:
         """Close the file; the write-ahead log is merged into it."""

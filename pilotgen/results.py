@@ -76,7 +76,9 @@ def _dig(result: Mapping[str, Any], path: Sequence[str], missing: float) -> floa
     return missing if value is None else float(value)
 
 
-def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray, rank: np.ndarray | None) -> dict[str, np.ndarray]:
+def columns_of(
+    rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray, rank: np.ndarray | None
+) -> dict[str, np.ndarray]:
     """The datasets of /evaluations.
 
     Parameters
@@ -94,14 +96,17 @@ def columns_of(rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray
     columns: dict[str, np.ndarray] = {
         "generation": np.array([row.generation for row in rows], dtype=np.int64),
         "individual": np.array([row.individual for row in rows], dtype=np.int64),
-        "inputs": np.array([[row.inputs[name] for name in names] for row in rows], dtype=float).reshape(len(rows), len(names)),
+        "inputs": np.array([[row.inputs[name] for name in names] for row in rows], dtype=float).reshape(
+            len(rows), len(names)
+        ),
         "status": np.array([str(row.result["status"]) for row in rows], dtype=object),
         "stage": np.array([str(row.result.get("stage", "")) for row in rows], dtype=object),
         "reason": np.array([str(row.result.get("reason", "")) for row in rows], dtype=object),
         "objectives": np.asarray(objectives, dtype=float),
         **({} if rank is None else {"rank": np.asarray(rank, dtype=np.int64)}),
         "stable": np.array(
-            [-1 if bad else int(bool(row.result["loop"]["stable"])) for row, bad in zip(rows, failed, strict=True)], dtype=np.int64
+            [-1 if bad else int(bool(row.result["loop"]["stable"])) for row, bad in zip(rows, failed, strict=True)],
+            dtype=np.int64,
         ),
     }
     for name, path in SCALARS.items():
@@ -159,7 +164,9 @@ class ResultsWriter:
         self._evaluations = self._file.create_group("evaluations", track_order=True)
 
     def _explain(self, error: OSError) -> FileError:
-        return FileError(f"{self.path}: cannot write the results ({error.strerror or error}); check space and permissions")
+        return FileError(
+            f"{self.path}: cannot write the results ({error.strerror or error}); check space and permissions"
+        )
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Add evaluations: the datasets of `columns_of`, the same ones every time."""
@@ -169,7 +176,11 @@ class ResultsWriter:
                 if key not in group:
                     kind = self._text if data.dtype == object else data.dtype
                     group.create_dataset(
-                        key, data=data, dtype=kind, maxshape=(None, *data.shape[1:]), chunks=(max(1, CHUNK_ROWS), *data.shape[1:])
+                        key,
+                        data=data,
+                        dtype=kind,
+                        maxshape=(None, *data.shape[1:]),
+                        chunks=(max(1, CHUNK_ROWS), *data.shape[1:]),
                     )
                     if key == "objectives":
                         group[key].attrs["names"] = np.array(list(self._objective_names), dtype=object)

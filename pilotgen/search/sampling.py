@@ -29,3 +29,29 @@ def sobol(n: int, xl: np.ndarray, xu: np.ndarray, rng: np.random.Generator) -> n
 
     points = qmc.Sobol(len(xl), scramble=True, rng=rng).random_base2(max(n - 1, 1).bit_length())[:n]
     return np.asarray(xl + points * (xu - xl))
+
+
+def sobol_points(first: int, count: int, xl: np.ndarray, xu: np.ndarray, seed: int) -> np.ndarray:
+    """Return points `first` to `first + count - 1` of the seed's endless scrambled Sobol sequence in the box.
+
+    Point i is the same whatever part of the sequence is asked for, so a sample can be made longer later.
+    """
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(len(xl), scramble=True, rng=stream(seed, 0, "sampling"))
+    if first:
+        sequence.fast_forward(first)
+    # Drawn in pieces of any size, the sequence is the same; its warning about balance concerns means over all of it.
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="The balance properties of Sobol", category=UserWarning)
+        points = sequence.random(count)
+    return np.asarray(xl + points * (xu - xl))
+
+
+def random_points(first: int, count: int, xl: np.ndarray, xu: np.ndarray, seed: int) -> np.ndarray:
+    """Return points `first` to `first + count - 1` of the seed's endless sequence of uniform random points in the box."""
+    generator = np.random.PCG64(np.random.SeedSequence(entropy=seed, spawn_key=(0, PURPOSES.index("sampling"))))
+    generator.advance(first * len(xl))  # one draw of the generator per uniform double
+    return np.asarray(xl + np.random.Generator(generator).random((count, len(xl))) * (xu - xl))

@@ -20,7 +20,12 @@ def evaluate(task: dict[str, float]) -> tuple[dict[str, Any], float]:
     """Fail above 2 m."""
     x = task["stature_m"]
     if x > 2.0:
-        return {"status": "failed", "stage": "posture", "reason": f"elbow at {100 * x:.1f} deg, limit 150 deg", "values": task}, 0.01
+        return {
+            "status": "failed",
+            "stage": "posture",
+            "reason": f"elbow at {100 * x:.1f} deg, limit 150 deg",
+            "values": task,
+        }, 0.01
     return {"status": "ok", "loop": {"gain_margin_db": 2.0 * x}}, 0.01
 
 
@@ -61,7 +66,9 @@ def test_workers_in_other_processes_give_the_same(tmp_path: Path) -> None:
 def test_too_many_failures_stop_a_hopeless_study(tmp_path: Path) -> None:
     pilots = [{"stature_m": 2.1 + 0.01 * i} for i in range(10)]
     with Journal(tmp_path / "j.sqlite") as journal:
-        with pytest.raises(TooManyFailures, match="3 pilots failed, more than --max-failures 2; the last: posture: elbow"):
+        with pytest.raises(
+            TooManyFailures, match="3 pilots failed, more than --max-failures 2; the last: posture: elbow"
+        ):
             _campaign(journal, max_failures=2).evaluate(pilots)
         assert len(journal) == 3  # what was done is kept
 
@@ -75,7 +82,10 @@ def test_failures_are_grouped_by_reason() -> None:
 
 def test_directory_that_holds_a_study_is_refused_without_resume(tmp_path: Path) -> None:
     (tmp_path / "study.h5").touch()
-    with pytest.raises(FileError, match="already holds a study; add --resume"), locked_directory(tmp_path, resume=False):
+    with (
+        pytest.raises(FileError, match="already holds a study; add --resume"),
+        locked_directory(tmp_path, resume=False),
+    ):
         pass
     with locked_directory(tmp_path, resume=True) as directory:
         assert directory == tmp_path
@@ -90,7 +100,9 @@ def test_second_run_on_one_directory_is_refused(tmp_path: Path) -> None:
         "except FileError as error: print(error)\n"
     )
     with locked_directory(tmp_path, resume=True):
-        out = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True).stdout
+        out = subprocess.run(
+            [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True
+        ).stdout
     assert "in use by another run" in out
     out = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True).stdout
     assert out == "in\n"

@@ -64,7 +64,9 @@ def test_rows_survive_sigkill(tmp_path: Path) -> None:
         assert [record.result["r"] for record in journal][: acknowledged + 1] == list(range(acknowledged + 1))
 
 
-@pytest.mark.parametrize("content", [b"this is not a database at all, not even close to one" * 40, b"SQLite format 3\x00" + b"\xff" * 4000])
+@pytest.mark.parametrize(
+    "content", [b"this is not a database at all, not even close to one" * 40, b"SQLite format 3\x00" + b"\xff" * 4000]
+)
 def test_damaged_journal_is_explained(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "j.sqlite"
     path.write_bytes(content)

@@ -17,8 +17,16 @@ NAMES = ("bmi", "stature_m")
 def _rows() -> list[Row]:
     ok = {
         "status": "ok",
-        "loop": {"stable": True, "gain_margin_db": 6.5, "gain_margin_hz": 3.7, "phase_margin_deg": None, "phase_margin_hz": None,
-                 "modulus_margin": 0.5, "modulus_margin_hz": 3.6, "delay_margin_s": None},
+        "loop": {
+            "stable": True,
+            "gain_margin_db": 6.5,
+            "gain_margin_hz": 3.7,
+            "phase_margin_deg": None,
+            "phase_margin_hz": None,
+            "modulus_margin": 0.5,
+            "modulus_margin_hz": 3.6,
+            "delay_margin_s": None,
+        },
         "bdft": {"certificate": 1e-12, "dominant_frequency_hz": 3.7, "dominant_damping": 0.3},
         "activation": {"largest": 0.25},
         "biometrics": {"age_years": 40.0, "stature_m": 1.8, "mass_kg": 80.0, "bmi": 24.7},
@@ -29,8 +37,17 @@ def _rows() -> list[Row]:
 
 def _write(path: Path) -> dict[str, np.ndarray]:
     columns = columns_of(_rows(), NAMES, np.array([[6.5, 180.0], [np.nan, np.nan]]), np.array([1, 0]))
-    write_results(path, {"kind": "search", "seed": 1, "study_text": "study: ä\n"}, NAMES, np.array([18.0, 1.55]), np.array([30.0, 2.0]),
-                  ("gain_margin_db", "phase_margin_deg"), columns, np.array([[0, 1]]), np.array([0]))
+    write_results(
+        path,
+        {"kind": "search", "seed": 1, "study_text": "study: ä\n"},
+        NAMES,
+        np.array([18.0, 1.55]),
+        np.array([30.0, 2.0]),
+        ("gain_margin_db", "phase_margin_deg"),
+        columns,
+        np.array([[0, 1]]),
+        np.array([0]),
+    )
     return columns
 
 

@@ -1,0 +1,202 @@
+"""What several commands share: arguments, `--set`, writing files whole.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pilotgen.errors import FileError, StudyError
+from pilotgen.study import Study, apply_settings, read_study
+
+
+def add_command(commands: Any, name: str, summary: str, description: str, example: str) -> argparse.ArgumentParser:
+    """Add a command with an example in its help."""
+    from pilotgen import __version__
+
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=summary,
+        description=description,
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"pilotgen {__version__}")
+    return parser
+
+
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """Add the study file argument."""
+    parser.add_argument("study", metavar="STUDY.yaml", type=Path, help="study file (docs/io_formats/study.md)")
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Add -o DIR."""
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="directory for the results; made if missing"
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add --set name=value."""
+    parser.add_argument(
+        "--set",
+        dest="settings",
+        metavar="NAME=VALUE",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="biometrics of this pilot instead of the study's nominal ones, e.g. --set stature_m=1.62 bmi=28",
+    )
+
+
+def add_solver(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of solver and its path."""
+    parser.add_argument(
+        "--solver", choices=("mbdae", "mbdyn"), default="mbdae", help="who linearises the pilot's deck (default: mbdae)"
+    )
+    parser.add_argument(
+        "--mbdae",
+        metavar="PATH",
+        default=None,
+        help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, or PATH",
+    )
+    parser.add_argument(
+        "--mbdyn", metavar="PATH", default=None, help="the mbdyn program for --solver mbdyn; default: found on PATH"
+    )
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add workers, resume, failures and executor options of long runs."""
+    parser.add_argument(
+        "--workers", metavar="N", type=positive_int, default=None, help="processes (default: one per core)"
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on in a directory that already holds this study; finished evaluations are kept",
+    )
+    parser.add_argument(
+        "--retry-failed", action="store_true", help="with --resume, evaluate again the pilots that failed"
+    )
+    parser.add_argument(
+        "--max-failures",
+        metavar="N",
+        type=non_negative_int,
+        default=None,
+        help="stop when more than N pilots have failed",
+    )
+    parser.add_argument(
+        "--time-limit",
+        metavar="S",
+        type=positive_float,
+        default=30.0,
+        help="wall time limit of one solver call in s (default: 30)",
+    )
+    parser.add_argument(
+        "--executor",
+        choices=("processes", "dask"),
+        default="processes",
+        help="where workers run (default: processes of this machine)",
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", default=None, help="address of a running dask scheduler, e.g. tcp://host:8786"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress line")
+
+
+def positive_int(text: str) -> int:
+    """Type of an argument: a whole number greater than zero."""
+    value = non_negative_int(text)
+    if value == 0:
+        raise argparse.ArgumentTypeError("0 is too few; a whole number greater than zero is wanted")
+    return value
+
+
+def non_negative_int(text: str) -> int:
+    """Type of an argument: a whole number, zero or more."""
+    try:
+        value = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative; zero or more is wanted")
+    return value
+
+
+def positive_float(text: str) -> float:
+    """Type of an argument: a number greater than zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} must be a finite number greater than zero")
+    return value
+
+
+def parse_settings(texts: Sequence[str]) -> dict[str, str]:
+    """`["a=1", "b=2"]` -> `{"a": "1", "b": "2"}`."""
+    settings: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise StudyError(f"--set {text}: NAME=VALUE is wanted, e.g. --set stature_m=1.80")
+        if name.strip() in settings:
+            raise StudyError(f"--set {name.strip()} is given twice; keep one")
+        settings[name.strip()] = value.strip()
+    return settings
+
+
+def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, float]]:
+    """Study and values of the one pilot that STUDY.yaml and --set name."""
+    study = read_study(args.study)
+    return study, apply_settings(study, parse_settings(args.settings))
+
+
+def prepare_directory(directory: Path) -> Path:
+    """Make the output directory of a one-pilot command; refuse one that holds a whole study."""
+    from pilotgen.campaign import RESULTS_NAME
+    from pilotgen.journal import JOURNAL_NAME
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise FileError(f"{directory} is a file; the output needs a directory") from None
+    except OSError as error:
+        raise FileError(
+            f"{directory}: cannot be made ({error.strerror}); choose a directory you can write to"
+        ) from None
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise FileError(f"{directory}: cannot be written to; choose a directory you can write to")
+    if (directory / RESULTS_NAME).exists() or (directory / JOURNAL_NAME).exists():
+        raise FileError(f"{directory} already holds a study; choose another output directory")
+    return directory
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise FileError(f"{path}: cannot be written ({error.strerror}); check space and permissions") from None
+
+
+def to_json(result: Mapping[str, Any]) -> str:
+    """The result object as readable JSON."""
+    return json.dumps(result, indent=2, allow_nan=False) + "\n"
+
+
+def replay_command(study: Path, values: Mapping[str, float], directory: str = "replay") -> str:
+    """The command line that evaluates one pilot of a study again."""
+    settings = " ".join(f"{name}={value!r}" for name, value in values.items())
+    return f"pilotgen pilot {study} -o {directory} --set {settings}"

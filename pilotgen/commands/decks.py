@@ -1,0 +1,53 @@
+"""`pilotgen decks`: write the decks of one pilot.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from pilotgen.commands import common
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "decks",
+        "write the decks of one pilot",
+        "Write the decks of one pilot of a study: posture.mbd (static, ergonomic springs), trim.mbd (muscles at rest) and "
+        "pilot.mbd (in equilibrium, with activations and reflexes). They run unmodified on MBDyn with its muscle module.",
+        "pilotgen decks docs/studies/puma-bmi.yaml -o decks --set stature_m=1.62",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    common.add_settings(parser)
+    common.add_solver(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve for posture and activations, keep the decks."""
+    from pilotgen.errors import StudyError
+    from pilotgen.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.pipeline import DECK_NAMES, Workbench, write_decks
+
+    study, values = common.read_pilot(args)
+    if study.pilot.model != "multibody":
+        raise StudyError(f"{args.study}: pilot.model = {study.pilot.model!r} has no decks; only multibody pilots have")
+    directory = common.prepare_directory(args.output)
+    with Workbench(study, mbdae=args.mbdae) as bench:
+        failure = write_decks(bench, values, directory)
+    if failure is not None:
+        print(
+            f"pilotgen: failed: {failure.stage}: {failure.reason}\n  decks so far are in {directory}", file=sys.stderr
+        )
+        return 2
+    for name in DECK_NAMES:
+        print(directory / name)
+    return 0

@@ -1,0 +1,111 @@
+"""`pilotgen pilot`: evaluate one pilot and keep everything.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from pilotgen.commands import common
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "pilot",
+        "evaluate one pilot",
+        "Evaluate one pilot of a study (its nominal values unless --set says otherwise). Leaves the decks, matrices.h5, "
+        "result.json, pilot_model.h5 and Bode and Nyquist figures in DIR and prints a short summary.",
+        "pilotgen pilot docs/studies/puma-bmi.yaml -o results/tall --set stature_m=1.95 bmi=28",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    common.add_settings(parser)
+    common.add_solver(parser)
+    parser.add_argument("--json", action="store_true", help="print the result object instead of the summary")
+    parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, write, print."""
+    from pilotgen.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.pipeline import Evaluation, Workbench, evaluate
+
+    study, values = common.read_pilot(args)
+    directory = common.prepare_directory(args.output)
+    with Workbench(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as bench:
+        outcome = evaluate(bench, values, keep=directory)
+    common.write_text(directory / "result.json", common.to_json(outcome.result))
+    if args.json:
+        sys.stdout.write(common.to_json(outcome.result))
+    if not isinstance(outcome, Evaluation):
+        print(
+            f"pilotgen: failed: {outcome.stage}: {outcome.reason}\n  decks so far are in {directory}", file=sys.stderr
+        )
+        return 2
+    outcome.pilot_model.write(directory / "pilot_model.h5")
+    if not args.json:
+        print(summary(outcome.result), flush=True)
+    if not args.no_figures:
+        from pilotgen.figures import draw_pilot
+
+        draw_pilot(outcome, directory)
+    if not args.json:
+        print(f"decks, matrices, figures and result.json are in {directory}")
+    return 0
+
+
+def margin_text(value: float | None, unit: str, at_hz: float | None) -> str:
+    """`6.4 dB at 3.8 Hz`, or `none (no crossing)`."""
+    if value is None or not math.isfinite(value):
+        return "infinite (no crossing)"
+    return f"{value:.2f} {unit}" + (f" at {at_hz:.2f} Hz" if at_hz is not None else "")
+
+
+def summary(result: Mapping[str, Any]) -> str:
+    """A few lines for a person."""
+    loop = result["loop"]
+    lines = []
+    biometrics = result.get("biometrics")
+    if biometrics:
+        lines.append(
+            f"pilot      {biometrics['sex']}, {biometrics['age_years']:.0f} years, {biometrics['stature_m']:.3f} m, "
+            f"{biometrics['mass_kg']:.1f} kg (BMI {biometrics['bmi']:.1f})"
+        )
+    else:
+        lines.append("pilot      " + ", ".join(f"{name} {value:g}" for name, value in result["values"].items()))
+    if "posture" in result:
+        lines.append(
+            "posture    "
+            + ", ".join(f"{name.replace('_', ' ')} {angle:.0f}" for name, angle in result["posture"].items())
+            + " deg"
+        )
+    if "activation" in result:
+        activation = result["activation"]
+        lines.append(
+            f"muscles    largest activation {activation['largest']:.3f} ({activation['largest_muscle']}), sum of squares {activation['sum_of_squares']:.4f}"
+        )
+    poles = ", ".join(
+        f"{pole['frequency_hz']:.2f} Hz / {100 * pole['damping']:.0f} %" for pole in result["pilot_poles"]
+    )
+    lines.append(f"poles      {poles}")
+    bdft = result["bdft"]
+    lines.append(
+        f"BDFT       {bdft['grip_motion_3hz_mm_per_m_s2']:.2f} mm of grip motion per m/s^2 at 3 Hz"
+        + (f", certificate {bdft['certificate']:.1e}" if bdft.get("certificate") is not None else "")
+    )
+    lines.append(
+        f"loop       {'stable' if loop['stable'] else 'UNSTABLE'}; gain margin {margin_text(loop['gain_margin_db'], 'dB', loop['gain_margin_hz'])}, "
+        f"phase margin {margin_text(loop['phase_margin_deg'], 'deg', loop['phase_margin_hz'])}, modulus margin {loop['modulus_margin']:.3f}"
+    )
+    lines.extend(f"note       {sentence}" for sentence in result.get("extrapolated", []))
+    return "\n".join(lines)

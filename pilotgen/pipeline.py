@@ -1,0 +1,401 @@
+"""The whole chain for one pilot on one page: values of a study in, margins out.
+
+    biometrics -> body -> cockpit -> posture deck -> posture -> trim deck -> activations -> pilot deck -> matrices
+               -> descriptor -> modes -> feedthrough -> loop -> margins
+
+A pilot that cannot be evaluated is a result too: `FailedEvaluation`, with the stage and the reason.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotgen import __version__
+from pilotgen.activation import Activations, solve_activations
+from pilotgen.biometrics import Biometrics, biometrics_from
+from pilotgen.body import Body, make_body
+from pilotgen.cockpit import Cockpit, make_cockpit
+from pilotgen.deck import render_direct, render_posture, render_trim
+from pilotgen.errors import EvaluationError, SolverError
+from pilotgen.feedthrough import certificate, make_pilot_model, mayo_pilot
+from pilotgen.helicopter import HeaveModel
+from pilotgen.loop import LoopModel
+from pilotgen.margins import Margins, margins
+from pilotgen.matrices import Matrices, read_matrices
+from pilotgen.pilot_model import PilotModel
+from pilotgen.posture import Posture, first_guess, from_poses
+from pilotgen.reflex import reflex_gains
+from pilotgen.solver import SolverClient, SolverReply, find_mbdae, run_mbdyn
+from pilotgen.statespace import StateSpaceModel
+from pilotgen.study import Study
+
+POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
+DECK_NAMES = (POSTURE_DECK, TRIM_DECK, PILOT_DECK)
+
+EQUILIBRIUM_LIMIT = 1e-6  # N, N m: a larger residual is no equilibrium and its linearisation means nothing
+SOLVER_ATTEMPTS = 3  # a solver can be killed from outside; a deck that kills it every time is at fault
+GRIP_FREQUENCY_HZ = 3.0  # where grip motion is reported, as Mayo's people are (docs/validation.md)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One pilot, evaluated."""
+
+    values: dict[str, float]
+    result: dict[str, Any]  # JSON-able, the content of result.json
+    pilot_model: PilotModel
+    loop: LoopModel
+    margins: Margins
+
+
+@dataclass(frozen=True)
+class FailedEvaluation:
+    """One pilot that could not be evaluated, and why."""
+
+    values: dict[str, float]
+    stage: str
+    reason: str
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """JSON-able, the content of result.json."""
+        return {"status": "failed", "stage": self.stage, "reason": self.reason, "values": self.values}
+
+
+class Workbench:
+    """What one process needs to evaluate the pilots of one study: solver, scratch directory, rotorcraft.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    mbdae, mbdyn : str, optional
+        Paths of the programs.
+    solver : str
+        "mbdae", or "mbdyn" to let MBDyn linearise the pilot's deck (posture and trim stay with mbdae).
+    time_limit_s : float
+        Wall time limit of one solver call.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        mbdae: str | None = None,
+        solver: str = "mbdae",
+        mbdyn: str | None = None,
+        time_limit_s: float = 30.0,
+    ) -> None:
+        self.study = study
+        self.solver = solver
+        self.mbdyn = mbdyn
+        self.time_limit_s = time_limit_s
+        self.helicopter = HeaveModel(study.rotorcraft)
+        self.solver_seconds = 0.0
+        self._client: SolverClient | None = None
+        self._mbdae = mbdae
+        shared_memory = Path("/dev/shm")
+        root = shared_memory if shared_memory.is_dir() and os.access(shared_memory, os.W_OK) else None
+        self.scratch = Path(tempfile.mkdtemp(prefix="pilotgen-", dir=root))
+
+    @property
+    def client(self) -> SolverClient:
+        """The running solver; started when first asked for."""
+        if self._client is None:
+            self._client = SolverClient(find_mbdae(self._mbdae))
+        return self._client
+
+    def ask(self, task: str, text: str, name: str, output: Path | None = None, **options: Any) -> SolverReply:
+        """One solver call; a solver that dies is started again, three times at most."""
+        for attempt in range(1, SOLVER_ATTEMPTS + 1):
+            try:
+                reply = self.client.request(
+                    task,
+                    deck_text=text,
+                    name=name,
+                    output=str(output) if output else None,
+                    timeout_s=self.time_limit_s,
+                    **options,
+                )
+                break
+            except SolverError as error:
+                if not error.died or attempt == SOLVER_ATTEMPTS:
+                    raise
+        self.solver_seconds += reply.seconds
+        return reply
+
+    def close(self) -> None:
+        """Stop the solver and remove the scratch directory."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        shutil.rmtree(self.scratch, ignore_errors=True)
+
+    def __enter__(self) -> Workbench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def evaluate(bench: Workbench, values: Mapping[str, float], keep: Path | None = None) -> Evaluation | FailedEvaluation:
+    """Evaluate one pilot; with `keep`, decks and matrices.h5 stay in that directory."""
+    plain = {name: float(value) for name, value in values.items()}
+    try:
+        if bench.study.pilot.model == "mayo":
+            return _evaluate_mayo(bench, plain)
+        return _evaluate_multibody(bench, plain, keep)
+    except EvaluationError as error:
+        return FailedEvaluation(plain, error.stage, error.reason)
+
+
+def write_decks(bench: Workbench, values: Mapping[str, float], directory: Path) -> FailedEvaluation | None:
+    """Write the three decks of one pilot; None when all went well."""
+    plain = {name: float(value) for name, value in values.items()}
+    try:
+        _solve_pilot(bench, plain, directory, linearise=False)
+    except EvaluationError as error:
+        return FailedEvaluation(plain, error.stage, error.reason)
+    return None
+
+
+@dataclass(frozen=True)
+class SolvedPilot:
+    """A multibody pilot in equilibrium at the controls."""
+
+    biometrics: Biometrics
+    body: Body
+    cockpit: Cockpit
+    posture: Posture
+    activations: Activations
+    deck: str
+    matrices: Matrices | None  # None when the pilot's deck was not linearised
+
+
+def _solve_pilot(
+    bench: Workbench, values: Mapping[str, float], keep: Path | None, linearise: bool = True
+) -> SolvedPilot:
+    settings, inceptor = bench.study.pilot, bench.study.inceptor
+    where = keep if keep is not None else bench.scratch
+
+    def write(name: str, text: str) -> None:
+        if keep is not None:
+            (keep / name).write_text(text, encoding="utf-8")
+
+    biometrics = biometrics_from(values, settings.sex)
+    body = make_body(biometrics, settings.limbs)
+    cockpit = make_cockpit(
+        body,
+        lever_length_m=inceptor.lever_length_m,
+        position=inceptor.position,
+        seat=settings.seat,
+        overrides=bench.study.cockpit,
+    )
+    guess = first_guess(body, cockpit)
+
+    text = render_posture(body, cockpit, guess)
+    write(POSTURE_DECK, text)
+    reply = bench.ask("static", text, POSTURE_DECK)
+    posture = from_poses(body, cockpit, reply.nodes)
+
+    gains = reflex_gains(settings.task, settings.reflex)
+    c = settings.matrix_coefficient_s
+    text = render_trim(body, cockpit, posture, gains=gains, c=c)
+    write(TRIM_DECK, text)
+    trim_file = where / "trim.h5"
+    bench.ask("linearise", text, TRIM_DECK, trim_file)
+    trim = read_matrices(trim_file, complete=False)
+    activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
+
+    text = render_direct(
+        body, cockpit, posture, activations=activations, muscle_lengths=trim.muscle_lengths, gains=gains, c=c
+    )
+    write(PILOT_DECK, text)
+    matrices = _linearise(bench, text, where) if linearise else None
+    return SolvedPilot(biometrics, body, cockpit, posture, activations, text, matrices)
+
+
+def _linearise(bench: Workbench, text: str, where: Path) -> Matrices:
+    path = where / "matrices.h5"
+    bench.ask("linearise", text, PILOT_DECK, path)
+    matrices = read_matrices(path, complete=False)
+    worst = float(np.max(np.abs(matrices.equilibrium_residual)))
+    if not worst < EQUILIBRIUM_LIMIT:
+        index = int(np.argmax(np.abs(matrices.equilibrium_residual)))
+        raise EvaluationError(
+            "equilibrium",
+            f"the pilot's deck is not in equilibrium: {worst:.3g} N or N m left at {matrices.dof_names[index]}",
+        )
+    if bench.solver == "mbdyn":
+        deck = where / PILOT_DECK
+        deck.write_text(text, encoding="utf-8")
+        from pilotgen.mbdyn_files import read_mbdyn
+
+        return read_mbdyn(run_mbdyn(deck, where, bench.mbdyn, bench.time_limit_s), layout=matrices)
+    return matrices
+
+
+def _evaluate_multibody(bench: Workbench, values: dict[str, float], keep: Path | None) -> Evaluation:
+    study = bench.study
+    pilot = _solve_pilot(bench, values, keep)
+    assert pilot.matrices is not None
+    model = make_pilot_model(
+        pilot.matrices,
+        lever_length_m=study.inceptor.lever_length_m,
+        washout_rad_s=study.pilot.washout_rad_s,
+        projection=study.pilot.projection,
+    )
+    loop, verdict = _close_loop(bench, model)
+    activation = pilot.activations
+    result = {
+        "status": "ok",
+        "study": study.name,
+        "values": values,
+        "biometrics": {
+            "age_years": pilot.biometrics.age_years,
+            "stature_m": pilot.biometrics.stature_m,
+            "mass_kg": pilot.biometrics.mass_kg,
+            "bmi": pilot.biometrics.bmi,
+            "sex": pilot.biometrics.sex,
+        },
+        "extrapolated": list(pilot.body.extrapolated),
+        "seat": pilot.cockpit.seat_report(),
+        "posture": dict(pilot.posture.angles_deg),
+        "activation": {
+            "largest": activation.largest,
+            "largest_muscle": activation.largest_muscle,
+            "sum_of_squares": activation.sum_of_squares,
+            "joint_torques_n_m": dict(activation.joint_torques_N_m),
+        },
+        "pilot_poles": model.pole_list(),
+        "bdft": _bdft_summary(model, certificate=certificate(model)),
+        "loop": verdict.as_dict(),
+    }
+    return Evaluation(values, result, model, loop, verdict)
+
+
+def _evaluate_mayo(bench: Workbench, values: dict[str, float]) -> Evaluation:
+    study = bench.study
+    model = mayo_pilot(
+        frequency_hz=values["pilot_frequency_hz"],
+        damping=values["pilot_damping"],
+        time_constant_s=values["pilot_time_constant_s"],
+        lever_length_m=study.inceptor.lever_length_m,
+        washout_rad_s=study.pilot.washout_rad_s,
+    )
+    loop, verdict = _close_loop(bench, model)
+    result = {
+        "status": "ok",
+        "study": study.name,
+        "values": values,
+        "pilot_poles": model.pole_list(),
+        "bdft": _bdft_summary(model, certificate=None),
+        "loop": verdict.as_dict(),
+    }
+    return Evaluation(values, result, model, loop, verdict)
+
+
+def _close_loop(bench: Workbench, model: PilotModel) -> tuple[LoopModel, Margins]:
+    inceptor = bench.study.inceptor
+    loop = LoopModel(
+        StateSpaceModel(*model.state_space()), bench.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m
+    )
+    return loop, margins(loop)
+
+
+def _bdft_summary(model: PilotModel, certificate: float | None) -> dict[str, Any]:
+    frequency_hz, damping = model.dominant_pair()
+    motion = abs(complex(model.grip_motion(2.0 * math.pi * GRIP_FREQUENCY_HZ)))
+    return {
+        "dominant_frequency_hz": frequency_hz,
+        "dominant_damping": damping,
+        "grip_motion_3hz_mm_per_m_s2": 1e3 * motion,
+        "certificate": certificate,
+    }
+
+
+# ---- many pilots ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Task:
+    """One pilot for a worker: everything it needs, and nothing that is not picklable."""
+
+    study: Study
+    values: dict[str, float]
+    mbdae: str | None = None
+    solver: str = "mbdae"
+    mbdyn: str | None = None
+    time_limit_s: float = 30.0
+
+
+_BENCHES: dict[tuple[Any, ...], Workbench] = {}
+
+
+def run_task(task: Task) -> tuple[dict[str, Any], float]:
+    """Evaluate one pilot in a worker process, which keeps its workbench from pilot to pilot.
+
+    Returns
+    -------
+    tuple
+        The result object, and the CPU time spent on it in s: this process and the solver's own account.
+    """
+    key = (task.study.canonical(), task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
+    bench = _BENCHES.get(key)
+    if bench is None:
+        for old in _BENCHES.values():
+            old.close()
+        _BENCHES.clear()
+        bench = _BENCHES[key] = Workbench(task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
+        _close_at_exit(bench)
+    start_cpu, start_solver = time.process_time(), bench.solver_seconds
+    outcome = evaluate(bench, task.values)
+    return outcome.result, time.process_time() - start_cpu + bench.solver_seconds - start_solver
+
+
+def _close_at_exit(bench: Workbench) -> None:
+    # Forked workers leave through os._exit, which runs multiprocessing's finalizers but not atexit's.
+    import atexit
+    import multiprocessing.util
+
+    atexit.register(bench.close)
+    multiprocessing.util.Finalize(bench, bench.close, exitpriority=10)
+
+
+@functools.lru_cache(maxsize=8)
+def solver_version(mbdae: str | None = None) -> str:
+    """Name and version of the solver program."""
+    with SolverClient(find_mbdae(mbdae)) as client:
+        return str(client.version())
+
+
+def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -> str:
+    """Hash of everything that determines an evaluation except the pilot's values.
+
+    The study's settings, every line of code and template and every number of data in this package, and the solver program.
+    """
+    import pilotgen.deck
+
+    digest = hashlib.sha256()
+    digest.update(f"pilotgen {__version__}\n{solver}\n{study.canonical()}\n".encode())
+    package = Path(__file__).parent
+    files = sorted(path for pattern in ("*.py", "data/*.yaml") for path in package.glob(pattern))
+    files += sorted(Path(pilotgen.deck.template_directory()).glob("*.j2"))
+    for path in files:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    if study.pilot.model == "multibody":
+        digest.update(find_mbdae(mbdae).read_bytes())
+    return digest.hexdigest()
