@@ -106,9 +106,7 @@ class PilotModel:
     def dominant_pole(self) -> complex:
         """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates."""
         if len(self.poles) == 0:
-            raise EvaluationError(
-                "feedthrough", "the pilot has no mode: nothing moves, or only parts without mass"
-            )
+            raise EvaluationError("feedthrough", "the pilot has no mode: nothing moves, or only parts without mass")
         residues = self.residues
         weight = np.ones(len(self.poles)) if residues is None else np.abs(residues[0])
         oscillates = self.poles.imag > 0.0

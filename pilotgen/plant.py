@@ -34,15 +34,12 @@ class Channels:
     ----------
     imposed : str
         Unknown that follows the test input: a translation of the seat's node, positive up.
-    seat_joint : str
-        Joint that holds the seat; its reactions and equations go with the seat.
     outputs : mapping of str to mapping of str to float
         Each output as a sum of weighted unknowns [rad]; the collective rotation must come first. Outputs whose unknowns
         are not in the model are left out, except the collective.
     """
 
     imposed: str = "seat.y"
-    seat_joint: str = "seat_pin"
     outputs: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: _DEFAULT_OUTPUTS)
 
 
@@ -80,30 +77,32 @@ class Plant:
 def split(model: DescriptorModel, channels: Channels | None = None) -> Plant:
     """Split the unknowns into free and imposed ones.
 
-    The seat's node goes out whole with its equations, and so does the joint that holds it; what stays of the seat is
-    the column of the imposed translation.
+    The seat's node goes out whole with its equations, and so do the reactions and equations of the joint that holds it:
+    those that touch the seat alone. What stays of the seat is the column of the imposed translation.
 
     Raises
     ------
     MatrixError
-        An unknown or joint is not in the model, or the joint that holds the seat also holds something else.
+        An unknown is not in the model, or no joint holds the seat alone.
     """
     names = channels or Channels()
     imposed = model.index(names.imposed)
-    seat = model.owned_by(names.imposed.rpartition(".")[0])
-    joint = model.owned_by(names.seat_joint)
-    if len(joint) == 0:
-        raise MatrixError(f"joint '{names.seat_joint}' that holds the seat has no reactions among the model's unknowns")
-    keep_mask = np.ones(len(model.names), dtype=bool)
-    keep_mask[seat] = False
-    keep_mask[joint] = False
-    keep = np.flatnonzero(keep_mask)
-    for matrix in (model.g_y, model.g_ydot):
-        if matrix[np.ix_(joint, keep)].any() or matrix[np.ix_(keep, joint)].any():
-            raise MatrixError(
-                f"joint '{names.seat_joint}' acts on more than the seat; only a joint between the seat and the ground "
-                "can be replaced by an imposed motion"
-            )
+    seat_name = names.imposed.rpartition(".")[0]
+    seat = model.owned_by(seat_name)
+    occupied = (model.g_y != 0.0) | (model.g_ydot != 0.0)
+    occupied[seat] = False
+    occupied[:, seat] = False
+    acts_elsewhere = occupied[model.reactions].any(axis=1) | occupied[:, model.reactions].any(axis=0)
+    holds_seat = model.reactions[~acts_elsewhere]
+    if len(holds_seat) == 0:
+        raise MatrixError(
+            f"no joint holds '{seat_name}' and nothing else; only a joint between the seat and the ground can be replaced "
+            "by an imposed motion"
+        )
+    is_free = np.ones(len(model.names), dtype=bool)
+    is_free[seat] = False
+    is_free[holds_seat] = False
+    keep = np.flatnonzero(is_free)
     free = model.restrict(keep)
     g_y_I, g_ydot_I = model.g_y[keep, imposed], model.g_ydot[keep, imposed]
 

@@ -202,12 +202,18 @@ def test_free_motion_is_refused() -> None:
 def test_missing_names_are_named() -> None:
     for channels, message in (
         (Channels(imposed="chair.y"), "unknown 'chair.y' is not among"),
-        (Channels(seat_joint="bolt"), "joint 'bolt' that holds the seat"),
         (Channels(outputs={"collective_rotation": {"stick.gz": 1.0}}), "unknown 'stick.gz' is not"),
-        (Channels(seat_joint="lever_hinge"), "acts on more than the seat"),
     ):
         with pytest.raises(MatrixError, match=message):
             make_pilot_model(lever_on_seat(), 0.4, channels=channels)
+
+
+def test_a_seat_that_nothing_holds_is_refused() -> None:
+    matrices = lever_on_seat()
+    model = descriptor(matrices)
+    without_pin = np.setdiff1d(np.arange(matrices.n), model.owned_by("seat_pin"))
+    with pytest.raises(MatrixError, match="no joint holds 'seat' and nothing else"):
+        split(model.restrict(without_pin))
 
 
 def test_bad_numbers_are_refused() -> None:
