@@ -1,6 +1,7 @@
 """Many pilots of one study into one output directory: lock, journal, workers, failures counted.
 
-A search and a sample differ in which pilots they ask for; this room is where they are evaluated, each once, recorded as it
+A search and a sample differ in which pilots they ask for; this room is where they are evaluated, each once,
+recorded as it
 finishes, and served from the journal when it was evaluated before.
 
 SPDX-License-Identifier: BSD-3-Clause

@@ -75,7 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(
             f"pilotgen: internal error: {type(error).__name__}: {error}\n"
-            "This is a fault of pilotgen, not of the input. Run again with PILOTGEN_DEBUG=1 for the details and report it.",
+            "This is a fault of pilotgen, not of the input. Run again with PILOTGEN_DEBUG=1 for the details and "
+            "report it.",
             file=sys.stderr,
         )
         return EXIT_INTERNAL

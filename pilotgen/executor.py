@@ -1,7 +1,8 @@
 """Workers: evaluate many pilots at once, and outlive any of them.
 
 Work is handed to a `concurrent.futures.Executor`: processes on this machine, or a dask.distributed cluster. A task that
-takes its worker down is tried again alone; one that does so repeatedly comes back as a `WorkerLost`, so that the study goes
+takes its worker down is tried again alone; one that does so repeatedly comes back as a `WorkerLost`, so that the
+study goes
 on. Results arrive as they finish; what they are does not depend on how many workers there are.
 
 SPDX-License-Identifier: BSD-3-Clause
@@ -91,7 +92,8 @@ class ProcessWorkers:
                 while queue or pending:
                     if self._executor is None:
                         self._executor = self._start(self.count)
-                    # Two tasks per worker in flight keep every worker busy; more would only widen the circle of suspects.
+                    # Two tasks per worker in flight keep every worker busy; more would only widen the circle of
+                    # suspects.
                     while queue and len(pending) < (1 if alone else 2 * self.count):
                         index = queue.popleft()
                         pending[self._executor.submit(function, tasks[index])] = index

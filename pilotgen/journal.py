@@ -1,6 +1,7 @@
 """Every evaluation on disk as it finishes: crash-safe, and the cache of what was computed before.
 
-One SQLite file (write-ahead log) per output directory. The key of an evaluation is the hash of everything that determines
+One SQLite file (write-ahead log) per output directory. The key of an evaluation is the hash of everything that
+determines
 its result, so a row can be served to any later run that asks the same question.
 
 SPDX-License-Identifier: BSD-3-Clause
@@ -83,7 +84,8 @@ class Journal:
         row = self._db.execute("SELECT value FROM meta WHERE name='journal_version'").fetchone()
         if row is None or row[0] != str(JOURNAL_VERSION):
             raise FileError(
-                f"{self.path}: journal version {row[0] if row else 'unknown'}, this program writes version {JOURNAL_VERSION}; "
+                f"{self.path}: journal version {row[0] if row else 'unknown'}, this program writes version "
+                f"{JOURNAL_VERSION}; "
                 "choose another output directory"
             )
         check = self._db.execute("PRAGMA quick_check(1)").fetchone()
@@ -98,7 +100,7 @@ class Journal:
         if "full" in text:
             what = "the disk is full; free some space and run again with --resume (nothing recorded so far is lost)"
         elif "readonly" in text or "read-only" in text:
-            what = "the journal cannot be written (read-only file or directory); change its permissions or choose another directory"
+            what = "the journal cannot be written (read-only); change its permissions or choose another directory"
         elif "unable to open" in text:
             what = "the journal cannot be opened; check that the directory exists and is writable"
         elif "malformed" in text or "not a database" in text or "corrupt" in text or "disk image" in text:

@@ -310,9 +310,9 @@ def _evaluate_mayo(bench: Workbench, values: dict[str, float]) -> Evaluation:
 
 def _close_loop(bench: Workbench, model: PilotModel) -> tuple[LoopModel, Margins]:
     inceptor = bench.study.inceptor
-    loop = LoopModel(
-        StateSpaceModel(*model.state_space()), bench.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m
-    )
+    A, B, C, D = model.state_space()
+    pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
+    loop = LoopModel(pilot, bench.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m)
     return loop, margins(loop)
 
 
@@ -385,7 +385,8 @@ def solver_version(mbdae: str | None = None) -> str:
 def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -> str:
     """Hash of everything that determines an evaluation except the pilot's values.
 
-    The study's settings, every line of code and template and every number of data in this package, and the solver program.
+    The study's settings, every line of code and template and every number of data in this package, and the solver
+    program.
     """
     import pilotgen.deck
 

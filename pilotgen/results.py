@@ -117,7 +117,7 @@ def columns_of(
 
 
 class ResultsWriter:
-    """Writes study.h5 piece by piece, whole or not at all: the file takes its name when the block ends without an error.
+    """Writes study.h5 piece by piece, whole or not at all: it takes its name when the block ends without error.
 
     Memory does not grow with the number of evaluations; identical pieces give identical bytes.
 

@@ -20,8 +20,10 @@ def add_parser(commands: Any) -> None:
         commands,
         "compare",
         "compare two matrices files",
-        "Compare two linearised models: natural frequencies and damping first, then g_ydot and g_y entry by entry with the "
-        "names of rows and columns. A and B are matrices files of mbdae (.h5) or eigenanalysis output of MBDyn (.nc, .m). "
+        "Compare two linearised models: natural frequencies and damping first, then g_ydot and g_y entry by entry "
+        "with the "
+        "names of rows and columns. A and B are matrices files of mbdae (.h5) or eigenanalysis output of MBDyn (.nc, "
+        ".m). "
         "Exit code 0: equal within the tolerance, 3: different.",
         "pilotgen compare results/pilot/matrices.h5 mbdyn_out.nc --tolerance 1e-9",
     )

@@ -18,8 +18,10 @@ def add_parser(commands: Any) -> None:
         commands,
         "decks",
         "write the decks of one pilot",
-        "Write the decks of one pilot of a study: posture.mbd (static, ergonomic springs), trim.mbd (muscles at rest) and "
-        "pilot.mbd (in equilibrium, with activations and reflexes). They run unmodified on MBDyn with its muscle module.",
+        "Write the decks of one pilot of a study: posture.mbd (static, ergonomic springs), trim.mbd (muscles at "
+        "rest) and "
+        "pilot.mbd (in equilibrium, with activations and reflexes). They run unmodified on MBDyn with its muscle "
+        "module.",
         "pilotgen decks docs/studies/puma-bmi.yaml -o decks --set stature_m=1.62",
     )
     common.add_study(parser)

@@ -20,7 +20,8 @@ def add_parser(commands: Any) -> None:
         commands,
         "pilot",
         "evaluate one pilot",
-        "Evaluate one pilot of a study (its nominal values unless --set says otherwise). Leaves the decks, matrices.h5, "
+        "Evaluate one pilot of a study (its nominal values unless --set says otherwise). Leaves the decks, "
+        "matrices.h5, "
         "result.json, pilot_model.h5 and Bode and Nyquist figures in DIR and prints a short summary.",
         "pilotgen pilot docs/studies/puma-bmi.yaml -o results/tall --set stature_m=1.95 bmi=28",
     )
@@ -92,7 +93,8 @@ def summary(result: Mapping[str, Any]) -> str:
     if "activation" in result:
         activation = result["activation"]
         lines.append(
-            f"muscles    largest activation {activation['largest']:.3f} ({activation['largest_muscle']}), sum of squares {activation['sum_of_squares']:.4f}"
+            f"muscles    largest activation {activation['largest']:.3f} ({activation['largest_muscle']}), sum of "
+            f"squares {activation['sum_of_squares']:.4f}"
         )
     poles = ", ".join(
         f"{pole['frequency_hz']:.2f} Hz / {100 * pole['damping']:.0f} %" for pole in result["pilot_poles"]
@@ -104,8 +106,10 @@ def summary(result: Mapping[str, Any]) -> str:
         + (f", certificate {bdft['certificate']:.1e}" if bdft.get("certificate") is not None else "")
     )
     lines.append(
-        f"loop       {'stable' if loop['stable'] else 'UNSTABLE'}; gain margin {margin_text(loop['gain_margin_db'], 'dB', loop['gain_margin_hz'])}, "
-        f"phase margin {margin_text(loop['phase_margin_deg'], 'deg', loop['phase_margin_hz'])}, modulus margin {loop['modulus_margin']:.3f}"
+        f"loop       {'stable' if loop['stable'] else 'UNSTABLE'}; gain margin "
+        f"{margin_text(loop['gain_margin_db'], 'dB', loop['gain_margin_hz'])}, "
+        f"phase margin {margin_text(loop['phase_margin_deg'], 'deg', loop['phase_margin_hz'])}, modulus margin "
+        f"{loop['modulus_margin']:.3f}"
     )
     lines.extend(f"note       {sentence}" for sentence in result.get("extrapolated", []))
     return "\n".join(lines)

@@ -24,7 +24,8 @@ def add_parser(commands: Any) -> None:
         commands,
         "report",
         "write the report of a study again",
-        "Write report.html, and for multibody pilots the decks of the Pareto front, of the study.h5 in DIR. A search does "
+        "Write report.html, and for multibody pilots the decks of the Pareto front, of the study.h5 in DIR. A search "
+        "does "
         "this at its end; this command does it for a sample, or again after a change of the program.",
         "pilotgen report results/quick",
     )

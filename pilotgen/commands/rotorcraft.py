@@ -18,7 +18,8 @@ def add_parser(commands: Any) -> None:
         commands,
         "rotorcraft",
         "show a rotorcraft's heave and coning dynamics",
-        "Print poles and transfer function of a bundled rotorcraft, or of the one in a study file, and draw its Bode figure.",
+        "Print poles and transfer function of a bundled rotorcraft, or of the one in a study file, and draw its Bode "
+        "figure.",
         "pilotgen rotorcraft iar330-puma -o results/puma",
     )
     parser.add_argument("name", metavar="NAME", help="bundled rotorcraft or a study file (.yaml)")

@@ -21,7 +21,8 @@ def add_parser(commands: Any) -> None:
         commands,
         "sample",
         "evaluate many pilots of the study's box",
-        "Evaluate N pilots spread over the study's search box (Sobol points or random ones) and write margins and failures to "
+        "Evaluate N pilots spread over the study's search box (Sobol points or random ones) and write margins and "
+        "failures to "
         "study.h5. Same journal, workers and --resume as a search; memory does not grow with N.",
         "pilotgen sample docs/studies/puma-bmi.yaml -n 4096 -o results/sample",
     )
@@ -108,7 +109,8 @@ def run(args: argparse.Namespace) -> int:
     line.finish()
     tally = campaign.tally
     print(
-        f"{tally.done} pilots ({tally.served} from the journal), {tally.failed} failed, {unstable} with an unstable closed loop"
+        f"{tally.done} pilots ({tally.served} from the journal), {tally.failed} failed, {unstable} with an unstable "
+        f"closed loop"
     )
     print("smallest: " + ", ".join(f"{name} {value:.4g}" for name, value in smallest.items()))
     print(f"results: {directory / RESULTS_NAME}")

@@ -30,8 +30,10 @@ def add_parser(commands: Any) -> None:
         commands,
         "search",
         "breed the worst pilots",
-        "Search the study's box of biometrics for the pilots with the smallest stability margins. Writes study.h5 (every "
-        "evaluation), report.html and the decks of the final Pareto front to DIR, and prints the worst pilots. Evaluations are "
+        "Search the study's box of biometrics for the pilots with the smallest stability margins. Writes study.h5 "
+        "(every "
+        "evaluation), report.html and the decks of the final Pareto front to DIR, and prints the worst pilots. "
+        "Evaluations are "
         "journalled as they finish: an interrupted search goes on with --resume and loses nothing.",
         "pilotgen search docs/studies/quick.yaml -o results/quick --workers 2",
     )
@@ -223,11 +225,13 @@ def print_worst(study_path: Path, directory: Path, campaign: Campaign, rows: Seq
         print(text)
     tally = campaign.tally
     print(
-        f"\n{tally.done} evaluations ({tally.served} from the journal), {tally.failed} failed, {tally.cpu_s:.1f} s of CPU time in workers"
+        f"\n{tally.done} evaluations ({tally.served} from the journal), {tally.failed} failed, {tally.cpu_s:.1f} s "
+        f"of CPU time in workers"
     )
     for stage, reason, count, example in failures_by_reason(rows)[:5]:
         print(
-            f"  {count} failed at {stage}, e.g. {reason}\n    again with: {common.replay_command(study_path, example['values'])}"
+            f"  {count} failed at {stage}, e.g. {reason}\n    again with: "
+            f"{common.replay_command(study_path, example['values'])}"
         )
     print(f"results: {directory / RESULTS_NAME}")
     if (directory / "report.html").exists():
