@@ -177,6 +177,14 @@ def _check_reach(geometry: ArmGeometry, torso: Pose, inceptor: Inceptor) -> None
             f"the {inceptor.name} grip is {distance:.3f} m from the {inceptor.side} shoulder, "
             f"{distance - upper - lower:.3f} m beyond the reach of the straight arm ({upper + lower:.3f} m)",
         )
+    most_flexed_deg = ergonomics().range_deg["elbow_flexion_deg"][1]
+    folded = math.sqrt(upper**2 + lower**2 + 2.0 * upper * lower * math.cos(math.radians(most_flexed_deg)))
+    if distance < folded:
+        raise EvaluationError(
+            "posture",
+            f"the {inceptor.name} grip is {distance:.3f} m from the {inceptor.side} shoulder, nearer than the "
+            f"{folded:.3f} m of an arm with {most_flexed_deg:.0f} deg of elbow flexion",
+        )
 
 
 def _two_link_start(geometry: ArmGeometry, torso: Pose, handle: Pose) -> np.ndarray:

@@ -199,6 +199,13 @@ def test_out_of_reach_is_told_in_metres() -> None:
     assert caught.value.stage == "posture"
 
 
+def test_too_near_is_told_in_metres() -> None:
+    near = {"collective": {"grip_m": [0.1, 0.6, -0.25]}}
+    cockpit = make_cockpit(BODY, lever_length_m=0.32, position=0.5, overrides=near)
+    with pytest.raises(EvaluationError, match=r"nearer than the 0\.\d+ m of an arm with 150 deg of elbow flexion"):
+        first_guess(BODY, cockpit)
+
+
 # ---- joint angles ----------------------------------------------------------------------------------------------------
 
 
