@@ -1,7 +1,7 @@
 """Stability margins of a loop: every crossing, then gain, phase, modulus, delay and disk margin.
 
-Conventions (docs/theory/margins.md). The loop is closed with negative feedback; the critical point is -1. Stability comes
-from the closed-loop eigenvalues and from nowhere else. Gain and phase margin take the sign of stability.
+Conventions (docs/theory/margins.md). The loop is closed with negative feedback; the critical point is -1. Stability
+comes from the closed-loop eigenvalues and from nowhere else. Gain and phase margin take the sign of stability.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

@@ -34,7 +34,11 @@ _NUMBERS = ("mass_kg", "blades", *list(_RANGES)[1:])
 _WORDS = ("name", "source")
 
 # Names under which a rotor speed may come in another unit, and how many of that unit make one Hz.
-_ROTOR_SPEED_UNITS = {"rotor_speed_rpm": 60.0, "rotor_speed_rad_s": 2.0 * math.pi, "rotor_speed_rad_per_s": 2.0 * math.pi}
+_ROTOR_SPEED_UNITS = {
+    "rotor_speed_rpm": 60.0,
+    "rotor_speed_rad_s": 2.0 * math.pi,
+    "rotor_speed_rad_per_s": 2.0 * math.pi,
+}
 
 
 @dataclass(frozen=True)

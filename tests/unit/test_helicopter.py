@@ -59,9 +59,7 @@ def test_transfer_function_coefficients_give_the_same_response(puma: HeaveModel)
     numerator, denominator = puma.transfer_function
     assert denominator[0] == 1.0
     s = 1j * OMEGA
-    np.testing.assert_allclose(
-        np.polyval(numerator, s) / np.polyval(denominator, s), puma.response(OMEGA), rtol=1e-11
-    )
+    np.testing.assert_allclose(np.polyval(numerator, s) / np.polyval(denominator, s), puma.response(OMEGA), rtol=1e-11)
     np.testing.assert_allclose(np.sort_complex(np.roots(denominator)), np.sort_complex(puma.poles), rtol=1e-10)
 
 

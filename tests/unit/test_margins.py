@@ -100,9 +100,10 @@ def test_resonance_that_touches_the_unit_circle(excess: float, count: int) -> No
 
 @pytest.mark.parametrize(("excess", "count"), [(-1e-6, 0), (0.0, 1), (1e-6, 2)])
 def test_locus_that_touches_the_negative_real_axis(excess: float, count: int) -> None:
-    """Im L = -w ((w^2 - a)^2 - excess) / |denominator|^2 for this numerator: a double root at w^2 = a."""
-    # L = -(N(s)) / (s + 1)^5 with N chosen so that Im(N(jw) (1 - jw)^5) = w ((w^2 - 2)^2 - excess) up to sign.
-    # With N = n0 + n1 s + n2 s^2: coefficients from the linear system of powers w, w^3, w^5 (w^7: n2 (5 - ...) fits).
+    """L = N(s)/(s + 1)^3 with N such that Im L = +-w ((w^2 - 2)^2 - excess) / |jw + 1|^6: a double root at sqrt 2.
+
+    N = n0 + n1 s + n2 s^2; Im(N(jw) (1 - jw)^3) / w is a quadratic in w^2, matched at three frequencies.
+    """
     a = 2.0
     target = np.array([a * a - excess, -2.0 * a, 1.0])
     omega = np.array([0.5, 1.0, 1.7])
@@ -170,9 +171,9 @@ def test_double_and_triple_integrator() -> None:
     i = int(np.argmin(np.abs(np.abs(L) - 1.0)))
     assert m.stable and m.gain_margin_db == math.inf
     assert m.phase_margin_deg == pytest.approx(abs(np.degrees(np.angle(-L[i]))), abs=1e-3)
-    triple = margins(transfer_function([5.0, 5.0, 1.0], [1.0, 0.0, 0.0, 0.0]))  # conditionally stable: gain must not fall
+    # (5 s^2 + 5 s + 1)/s^3, conditionally stable: Im L = 0 at w^2 = 1/5, where L = -25; the gain may fall to 1/25.
+    triple = margins(transfer_function([5.0, 5.0, 1.0], [1.0, 0.0, 0.0, 0.0]))
     assert triple.stable
-    # Im L = 0 at w^2 = n0/n1 = 1/5, where L = -n2/w^2 ... = -25: the gain may fall to 1/25 of itself
     assert triple.gain_margin_db == pytest.approx(20.0 * math.log10(25.0), abs=1e-9)
 
 
