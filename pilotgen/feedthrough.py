@@ -56,8 +56,8 @@ def make_pilot_model(
     Raises
     ------
     MatrixError
-        The model is not that of a pilot in a cockpit: an unknown is missing, nothing holds the seat, or the matrices are
-        not of a multibody model.
+        The model is not that of a pilot in a cockpit: an unknown is missing, nothing holds the seat, or the matrices
+        are not of a multibody model.
     EvaluationError
         This pilot has no feedthrough: a motion is free or determined by nothing, or the model is not invariant to
         vertical translation.

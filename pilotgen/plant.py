@@ -96,8 +96,8 @@ def split(model: DescriptorModel, channels: Channels | None = None) -> Plant:
     holds_seat = model.reactions[~acts_elsewhere]
     if len(holds_seat) == 0:
         raise MatrixError(
-            f"no joint holds '{seat_name}' and nothing else; only a joint between the seat and the ground can be replaced "
-            "by an imposed motion"
+            f"no joint holds '{seat_name}' and nothing else; only a joint between the seat and the ground can be "
+            "replaced by an imposed motion"
         )
     is_free = np.ones(len(model.names), dtype=bool)
     is_free[seat] = False

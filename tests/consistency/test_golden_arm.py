@@ -9,14 +9,20 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import re
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg
-from linear_models import ARM_CHANNELS, ARM_LEVER_LENGTH_M, CASES, case, dense_eigenvalues, sort
+from linear_models import ARM_CHANNELS, ARM_LEVER_LENGTH_M, CASES, case, dense_eigenvalues, raw_case, sort
 from numpy.testing import assert_allclose
 
+from pilotgen.compare import compare, report
 from pilotgen.feedthrough import certificate, make_pilot_model
-from pilotgen.matrices import descriptor
+from pilotgen.matrices import Matrices, descriptor, read_matrices
+from pilotgen.mbdyn_files import to_textbook
 from pilotgen.modal import modes
 from pilotgen.pilot_model import PilotModel
 from pilotgen.plant import full_order_response, split
@@ -113,3 +119,59 @@ def test_count_of_mbdyn_s_own_eigenvalues() -> None:
     physical = Lam[~at_plus & ~at_minus]
     lam = (physical - 1.0) / (physical + 1.0) / 0.01
     assert_allclose(sort(lam), sort(modes(descriptor(case("arm_right"))).lam), rtol=1e-8)
+
+
+# ---- the same deck through this program's own solver
+
+
+def linearise(mbdae: Path, directory: Path, c: float | None = None, **constants: float) -> Matrices:
+    """Linearise the golden arm's deck with other values of its constants (KP, KD)."""
+    text = str(np.load(CASES / "arm_right.npz")["deck"])
+    for name, value in constants.items():
+        text, count = re.subn(rf"^(set: const real {name} = )[^;]+;", rf"\g<1>{value!r};", text, flags=re.MULTILINE)
+        assert count == 1
+    (directory / "arm.mbd").write_text(text)
+    coefficient = [] if c is None else ["-c", repr(c)]
+    subprocess.run([mbdae, "-q", *coefficient, "arm.mbd", "-o", "arm"], cwd=directory, check=True)
+    return read_matrices(directory / "arm.h5")
+
+
+def test_own_solver_repeats_mbdyn(mbdae: Path, tmp_path: Path) -> None:
+    ours = linearise(mbdae, tmp_path)
+    comparison = compare(ours, to_textbook(raw_case("arm_right"), ours), tolerance=1e-12)
+    assert comparison.agree, report(comparison)
+    own = make_pilot_model(ours, ARM_LEVER_LENGTH_M)
+    omega = 2.0 * np.pi * np.geomspace(0.1, 20.0, 60)
+    assert_allclose(own.response(omega), model().response(omega), rtol=1e-10)
+    assert certificate(own) < 1e-9
+
+
+@pytest.mark.parametrize("c", [1e-5, 0.5])
+def test_feedthrough_does_not_depend_on_c(mbdae: Path, tmp_path: Path, c: float) -> None:
+    own = make_pilot_model(linearise(mbdae, tmp_path, c), ARM_LEVER_LENGTH_M)
+    omega = 2.0 * np.pi * np.geomspace(0.1, 20.0, 60)
+    assert_allclose(own.response(omega), model().response(omega), rtol=1e-9)
+
+
+def test_calibration_to_mayo_s_mesomorphic_pair(mbdae: Path, tmp_path: Path) -> None:
+    """Gains found with MBDyn: 3.750000 Hz / 28.0000 %, second pair 5.3088 Hz / 47.95 %, residues 62 : 1."""
+    own = make_pilot_model(linearise(mbdae, tmp_path, KP=1.514319, KD=0.098821), ARM_LEVER_LENGTH_M)
+    frequency, damping = np.array([list(pole.values()) for pole in own.pole_list()]).T
+    assert frequency[0] == pytest.approx(3.750000, abs=1e-6) and frequency[1] == pytest.approx(5.3088, abs=5.5e-5)
+    assert damping[0] == pytest.approx(0.280000, abs=1e-6) and damping[1] == pytest.approx(0.4795, abs=5.5e-5)
+    motion = own.grip_motion(2.0 * np.pi * np.array([1.0, 3.0, 3.75, 5.0, 8.0]))
+    assert_allclose(1e3 * np.abs(motion), [0.595, 0.974, 0.999, 0.516, 0.147], atol=6e-4)
+    assert_allclose(np.degrees(np.angle(motion)), [170.8, 128.4, 89.5, 43.1, 18.1], atol=0.06)
+    assert own.residues is not None
+    low, high = np.abs(own.residues[0])[::2]
+    assert low / high == pytest.approx(62.0, abs=0.5)
+
+
+def test_light_damping_and_no_reflex(mbdae: Path, tmp_path: Path) -> None:
+    """Kp 1, Kd 0: 3.05 Hz / 11 %, 3.86 mm at 3 Hz. No reflex at all: unstable, +3.2 1/s."""
+    light = make_pilot_model(linearise(mbdae, tmp_path, KP=1.0, KD=0.0), ARM_LEVER_LENGTH_M)
+    assert_allclose(light.dominant_pair(), [3.05, 0.11], atol=5e-3)
+    assert 1e3 * abs(light.grip_motion(2.0 * np.pi * 3.0)) == pytest.approx(3.86, abs=5e-3)
+    bare = make_pilot_model(linearise(mbdae, tmp_path, KP=0.0, KD=0.0), ARM_LEVER_LENGTH_M)
+    assert bare.poles.real.max() == pytest.approx(3.2, abs=0.05)
+    assert certificate(bare) < 1e-8
