@@ -11,17 +11,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from pilotgen.check import check_within
-from pilotgen.errors import FileError, StudyError
+from pilotgen.errors import StudyError
 
 # Accepted range and unit of each symbol. Wide: from a 200 kg ultralight to a heavy-lift helicopter with eight blades;
 # their job is to catch another unit, not to judge a design.
-_RANGES: dict[str, tuple[float, float, str, str]] = {
+RANGES: dict[str, tuple[float, float, str, str]] = {
     "mass_kg": (100.0, 100_000.0, "kg", "the total mass of the vehicle"),
     "rotor_radius_m": (1.0, 25.0, "m", "the radius, not the diameter, in metres (1 ft = 0.3048 m)"),
     "rotor_speed_hz": (1.0, 15.0, "Hz", "revolutions per second"),
@@ -30,7 +29,7 @@ _RANGES: dict[str, tuple[float, float, str, str]] = {
     "flap_inertia_kg_m2": (1.0, 100_000.0, "kg m^2", "second moment of one blade (1 slug ft^2 = 1.3558 kg m^2)"),
     "flap_frequency_ratio": (1.0, 1.5, "", "rotating flap frequency over rotor speed"),
 }
-_NUMBERS = ("mass_kg", "blades", *list(_RANGES)[1:])
+NUMBERS = ("mass_kg", "blades", *list(RANGES)[1:])
 _WORDS = ("name", "source")
 
 # Names under which a rotor speed may come in another unit, and how many of that unit make one Hz.
@@ -57,7 +56,7 @@ class Rotorcraft:
     source: str = "study file"
 
     def __post_init__(self) -> None:
-        for key, (low, high, unit, hint) in _RANGES.items():
+        for key, (low, high, unit, hint) in RANGES.items():
             value = getattr(self, key)
             if key == "rotor_speed_hz":
                 hint = _rotor_speed_hint(value)
@@ -98,13 +97,13 @@ def load_rotorcraft(rotorcraft: str | Mapping[str, Any]) -> Rotorcraft:
             guess = f" did you mean {close[0]!r}?" if close else ""
             raise StudyError(
                 f"rotorcraft = {rotorcraft!r} is not known;{guess} bundled: {', '.join(known)}; or give the numbers "
-                f"as a mapping with the keys {', '.join(_NUMBERS)}"
+                f"as a mapping with the keys {', '.join(NUMBERS)}"
             )
         return _from_mapping(known[rotorcraft])
     if not isinstance(rotorcraft, Mapping):
         raise StudyError(
             f"rotorcraft = {rotorcraft!r} is neither a bundled name ({', '.join(_bundled())}) nor a mapping with the "
-            f"keys {', '.join(_NUMBERS)}"
+            f"keys {', '.join(NUMBERS)}"
         )
     return _from_mapping(rotorcraft)
 
@@ -117,7 +116,7 @@ def _bundled() -> dict[str, dict[str, Any]]:
 
 
 def _from_mapping(mapping: Mapping[str, Any]) -> Rotorcraft:
-    unknown = [str(key) for key in mapping if key not in _NUMBERS + _WORDS]
+    unknown = [str(key) for key in mapping if key not in NUMBERS + _WORDS]
     for key in unknown:
         per_hz = _ROTOR_SPEED_UNITS.get(key)
         if per_hz is not None:
@@ -128,17 +127,17 @@ def _from_mapping(mapping: Mapping[str, Any]) -> Rotorcraft:
     if unknown:
         guesses = []
         for key in unknown:
-            close = difflib.get_close_matches(key, _NUMBERS + _WORDS, n=1, cutoff=0.5)
+            close = difflib.get_close_matches(key, NUMBERS + _WORDS, n=1, cutoff=0.5)
             guesses.append(f"{key} (did you mean {close[0]}?)" if close else key)
         raise StudyError(
             f"rotorcraft: unknown key{'s' if len(unknown) > 1 else ''} {', '.join(guesses)}; the keys are "
-            f"{', '.join(_NUMBERS + _WORDS)}"
+            f"{', '.join(NUMBERS + _WORDS)}"
         )
-    missing = [key for key in _NUMBERS if key not in mapping]
+    missing = [key for key in NUMBERS if key not in mapping]
     if missing:
         raise StudyError(f"rotorcraft: missing key{'s' if len(missing) > 1 else ''} {', '.join(missing)}")
     values: dict[str, Any] = {}
-    for key in _NUMBERS:
+    for key in NUMBERS:
         value = mapping[key]
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise StudyError(f"rotorcraft.{key} = {value!r} must be a number")
@@ -168,86 +167,3 @@ def _rotor_speed_hint(value: float) -> str:
     if not readings:
         return "give revolutions per second"
     return f"it looks like rpm or rad/s; give Hz: {' or '.join(readings)}"
-
-
-def rotorcraft_report(rotorcraft: str | Mapping[str, Any], out_dir: str | Path | None = None) -> str:
-    """Poles and transfer function of a rotorcraft as text, with a Bode figure on disk.
-
-    Parameters
-    ----------
-    rotorcraft : str or mapping
-        As for `load_rotorcraft`.
-    out_dir : path, optional
-        Directory for the figure `rotorcraft-bode.png`; made if it does not exist. None: no figure.
-
-    Raises
-    ------
-    StudyError
-        As `load_rotorcraft`.
-    FileError
-        The figure cannot be written.
-    """
-    # The report is the one place of this module that looks to its right: the model is made of a Rotorcraft.
-    from pilotgen.helicopter import HeaveModel
-
-    r = load_rotorcraft(rotorcraft)
-    model = HeaveModel(r)
-    numerator, denominator = model.transfer_function
-    lines = [r.name, f"  source: {r.source}", ""]
-    lines += [f"  {key:<26} {getattr(r, key):>10g} {_RANGES.get(key, (0, 0, '', ''))[2]}".rstrip() for key in _NUMBERS]
-    lines += ["", "Poles of heave and coning (one more at 0 for the height itself)"]
-    for pole in sorted(model.poles, key=lambda p: (abs(p), -p.imag)):
-        if pole.imag < 0.0:
-            continue
-        text = f"{pole.real:.4f}" if pole.imag == 0.0 else f"{pole.real:.4f} +- {pole.imag:.4f}i"
-        lines.append(
-            f"  {text:<24} rad/s   {abs(pole) / (2.0 * math.pi):7.4f} Hz, damping {-pole.real / abs(pole):.3f}"
-        )
-    lines += [
-        "",
-        "H(s) = zddot / theta [m/s^2 per rad], falling powers of s [rad/s]",
-        "  numerator    " + "  ".join(f"{c: .8g}" for c in numerator),
-        "  denominator  " + "  ".join(f"{c: .8g}" for c in denominator),
-    ]
-    if out_dir is not None:
-        lines += ["", f"Bode figure: {_bode_figure(model, Path(out_dir))}"]
-    return "\n".join(lines) + "\n"
-
-
-def _bode_figure(model: Any, out_dir: Path) -> Path:
-    import numpy as np
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import MultipleLocator
-
-    frequency = np.geomspace(0.01, 20.0, 600)
-    response = model.response(2.0 * np.pi * frequency)
-    figure = Figure(figsize=(7.0, 5.5), layout="constrained")
-    gain, phase = figure.subplots(2, 1, sharex=True)
-    gain.loglog(frequency, np.abs(response), color="C0")
-    gain.set_ylabel("gain [m/s² per rad]")
-    gain.set_title(f"{model.rotorcraft.name}: blade pitch to vertical acceleration in hover")
-    phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(response))), color="C0")
-    phase.set_ylabel("phase [deg]")
-    phase.set_xlabel("frequency [Hz]")
-    phase.yaxis.set_major_locator(MultipleLocator(45.0))
-    coning = max(model.poles, key=lambda p: p.imag)
-    for axes in (gain, phase):
-        axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
-        axes.axvspan(2.0, 8.0, color="C1", alpha=0.15, linewidth=0.0, label="pilot-assisted oscillations, 2-8 Hz")
-        if coning.imag > 0.0:
-            axes.axvline(
-                abs(coning) / (2.0 * np.pi),
-                color="C3",
-                linewidth=1.0,
-                linestyle="--",
-                label=f"coning, {abs(coning) / (2.0 * np.pi):.2f} Hz",
-            )
-        axes.margins(x=0.0)
-    gain.legend(loc="lower right", fontsize="small")
-    path = out_dir / "rotorcraft-bode.png"
-    try:
-        out_dir.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise FileError(f"cannot write the Bode figure {path}: {error.strerror}; choose another directory") from error
-    return path

@@ -6,11 +6,13 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pilotgen.helicopter import HeaveModel
+from pilotgen.errors import FileError
+from pilotgen.helicopter import HeaveModel, rotorcraft_report
 from pilotgen.rotorcraft import load_rotorcraft
 
 OMEGA = 2.0 * math.pi * np.geomspace(0.01, 30.0, 23)
@@ -72,3 +74,17 @@ def test_states_are_zdot_beta_betadot(puma: HeaveModel) -> None:
 
 def test_steady_climb_needs_no_acceleration(puma: HeaveModel) -> None:
     assert abs(puma.response(0.0)) < 1e-10
+
+
+def test_report_prints_poles_and_coefficients_and_draws(tmp_path: Path) -> None:
+    text = rotorcraft_report("iar330-puma", tmp_path / "new")
+    assert "-0.8199" in text and "-15.0194 +- 25.0588i" in text
+    assert "98799.5" in text  # numerator, coefficient of s
+    assert (tmp_path / "new" / "rotorcraft-bode.png").stat().st_size > 10_000
+    assert "png" not in rotorcraft_report(load_rotorcraft("iar330-puma"))
+
+
+def test_report_in_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot write"):
+        rotorcraft_report("iar330-puma", tmp_path / "file" / "below")

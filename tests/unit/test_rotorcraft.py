@@ -5,13 +5,12 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pilotgen.errors import FileError, StudyError
-from pilotgen.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft, rotorcraft_report
+from pilotgen.errors import StudyError
+from pilotgen.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
 
 PUMA: dict[str, Any] = {
     "mass_kg": 7345.0,
@@ -74,17 +73,3 @@ def test_wrong_entries_are_refused(rotorcraft: Any, words: list[str]) -> None:
         load_rotorcraft(rotorcraft)
     for word in words:
         assert word in str(caught.value)
-
-
-def test_report_prints_poles_and_coefficients_and_draws(tmp_path: Path) -> None:
-    text = rotorcraft_report("iar330-puma", tmp_path / "new")
-    assert "-0.8199" in text and "-15.0194 +- 25.0588i" in text
-    assert "98799.5" in text  # numerator, coefficient of s
-    assert (tmp_path / "new" / "rotorcraft-bode.png").stat().st_size > 10_000
-    assert "png" not in rotorcraft_report(PUMA)
-
-
-def test_report_in_a_place_that_cannot_be_written(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot write"):
-        rotorcraft_report("iar330-puma", tmp_path / "file" / "below")
