@@ -8,6 +8,8 @@
 #include <nvector/nvector_serial.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
+#include <Eigen/QR>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -21,12 +23,20 @@ namespace mbdae {
 
 namespace {
 
-// Newton's iteration stops at this part of the local error test: constraints then hold far better than the tolerance.
-constexpr double kNewtonCoefficient = 1e-3;
+// Newton's iteration stops at this part of the local error test, so that constraints hold far better than the tolerance;
+// at tight tolerances round-off [relative to unity] sets the limit, and SUNDIALS' default is never exceeded.
+constexpr double kNewtonCoefficient = 1e-3, kRoundOff = 1e-14, kLooseNewton = 0.33;
 
-// Absolute tolerance of reactions [N, N m] and multipliers [m/s, rad/s] as a multiple of that of the motion: they follow
-// from the motion and only must not hold up Newton's iteration.
-constexpr double kMultiplierTolerance = 1e6;
+// Absolute tolerance of reactions [N, N m] and multipliers [m/s, rad/s]. They are algebraic: no local error is estimated for them, and
+// in Newton's iteration they are as exact as the motion; a tight tolerance would only hold it up at very short steps,
+// where round-off in the constraints divided by the step shows in them.
+constexpr double kMultiplierTolerance = 0.1;
+
+constexpr double kRedundant = 1e-9;  // relative size of a constraint's independent part below which it is redundant
+
+// First step as a part of the square root of the tolerance [s]: the first step is of first order, and IDA shortens it
+// where needed.
+constexpr double kFirstStep = 0.1;
 
 constexpr long kStepsPerOutput = 1000000;
 
@@ -77,13 +87,14 @@ class IdaIntegrator {
             entry.constraint->velocity_level(k);
       }
     }
+    find_redundant();
   }
 
   int size() const { return size_; }
 
   // Initial values, rates, and which unknowns are differential.
   void start(const Eigen::VectorXd& accelerations, Eigen::Ref<Eigen::VectorXd> y, Eigen::Ref<Eigen::VectorXd> ydot,
-             Eigen::Ref<Eigen::VectorXd> id, double rtol, double atol, Eigen::Ref<Eigen::VectorXd> tolerance) const {
+             Eigen::Ref<Eigen::VectorXd> id, double atol, Eigen::Ref<Eigen::VectorXd> tolerance) const {
     y.setZero();
     ydot.setZero();
     id.setOnes();
@@ -101,8 +112,9 @@ class IdaIntegrator {
       if (!model_.slots()[static_cast<std::size_t>(i)].dynamic) id.segment<6>(velocity_ + 6 * i).setZero();
     }
     y.segment(lambda_, reactions_) = state_.y.tail(reactions_);
+    for (const int k : redundant_) y(lambda_ + k) = 0.0;
     id.tail(2 * reactions_).setZero();
-    tolerance.tail(2 * reactions_).setConstant(kMultiplierTolerance * std::max(rtol, atol));
+    tolerance.tail(2 * reactions_).setConstant(kMultiplierTolerance);
   }
 
   // IDA's unknowns into node motions and reactions.
@@ -116,6 +128,46 @@ class IdaIntegrator {
       node.w = y.segment<3>(velocity_ + 6 * i + 3);
     }
     state_.y.tail(reactions_) = y.segment(lambda_, reactions_);
+    return state_;
+  }
+
+  // The state to write: IDA interpolates between its steps, so the interpolated motion is put back on the constraints
+  // (shortest correction); redundant constraints share their load with the smallest norm.
+  const State& output(double t, const Eigen::Map<const Eigen::VectorXd>& y) {
+    state_of(t, y);
+    if (reactions_ == 0) return state_;
+    const int first = model_.reaction_start();
+    Eigen::MatrixXd Phi(reactions_, 6 * nodes_), B(6 * nodes_, reactions_);
+    for (int pass = 0; pass < 2; ++pass) {
+      eq_.clear(model_.size(), true);
+      model_.add_constraints(state_, eq_, true);
+      gather(Phi, B);
+      Eigen::VectorXd error = eq_.g.tail(reactions_);
+      for (int k = 0; k < reactions_; ++k) {
+        if (velocity_level_[static_cast<std::size_t>(k)]) error(k) = 0.0;
+      }
+      const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> inverse(Phi);
+      const Eigen::VectorXd step = inverse.solve(error);
+      for (int i = 0; i < nodes_; ++i) {
+        NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
+        node.x -= step.segment<3>(6 * i);
+        node.R = rotation_exp(-step.segment<3>(6 * i + 3)) * node.R;
+      }
+      model_.rates(state_, rates_, false);
+      Eigen::VectorXd speed = rates_.rate.tail(reactions_);
+      for (int k = 0; k < reactions_; ++k) {
+        if (velocity_level_[static_cast<std::size_t>(k)]) speed(k) = eq_.g(first + k);
+      }
+      const Eigen::VectorXd change = inverse.solve(speed);
+      for (int i = 0; i < nodes_; ++i) {
+        NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
+        node.v -= change.segment<3>(6 * i);
+        node.w -= change.segment<3>(6 * i + 3);
+      }
+    }
+    if (!redundant_.empty()) {
+      state_.y.tail(reactions_) = B.completeOrthogonalDecomposition().solve(B * state_.y.tail(reactions_)).eval();
+    }
     return state_;
   }
 
@@ -151,6 +203,35 @@ class IdaIntegrator {
   }
 
  private:
+  // Constraint matrix (velocity level rows included) and reaction columns from the assembled equations.
+  void gather(Eigen::MatrixXd& Phi, Eigen::MatrixXd& B) const {
+    const int first = model_.reaction_start();
+    for (int i = 0; i < nodes_; ++i) {
+      const NodeSlot& slot = model_.slots()[static_cast<std::size_t>(i)];
+      Phi.middleCols<6>(6 * i) = eq_.g_y.block(first, slot.first, reactions_, 6);
+      B.middleRows<6>(6 * i) = eq_.g_y.block(slot.force, first, 6, reactions_);
+      for (int k = 0; k < reactions_; ++k) {
+        if (velocity_level_[static_cast<std::size_t>(k)]) {
+          Phi.block<1, 6>(k, 6 * i) = eq_.g_ydot.block<1, 6>(first + k, slot.first);
+        }
+      }
+    }
+  }
+
+  // Constraints that follow from the others: left out of the equations, their reactions zero.
+  void find_redundant() {
+    if (reactions_ == 0) return;
+    eq_.clear(model_.size(), true);
+    model_.add_constraints(state_, eq_, true);
+    Eigen::MatrixXd Phi(reactions_, 6 * nodes_), B(6 * nodes_, reactions_);
+    gather(Phi, B);
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(Phi.transpose());
+    qr.setThreshold(kRedundant);
+    for (Eigen::Index k = qr.rank(); k < reactions_; ++k) {
+      redundant_.push_back(qr.colsPermutation().indices()(k));
+    }
+  }
+
   void evaluate(double t, const Eigen::Map<const Eigen::VectorXd>& y, const Eigen::Map<const Eigen::VectorXd>& ydot,
                 Eigen::Ref<Eigen::VectorXd> r) {
     const State& state = state_of(t, y);
@@ -179,6 +260,10 @@ class IdaIntegrator {
     r.segment(mu_, reactions_) = rates_.rate.tail(reactions_);
     for (int k = 0; k < reactions_; ++k) {
       if (velocity_level_[static_cast<std::size_t>(k)]) r(mu_ + k) = y(mu_ + k);  // no position constraint to keep
+    }
+    for (const int k : redundant_) {
+      r(lambda_ + k) = y(lambda_ + k);
+      r(mu_ + k) = y(mu_ + k);
     }
   }
 
@@ -240,6 +325,12 @@ class IdaIntegrator {
       J.row(mu_ + k).setZero();
       J(mu_ + k, mu_ + k) = 1.0;
     }
+    for (const int k : redundant_) {
+      for (const int row : {lambda_ + k, mu_ + k}) {
+        J.row(row).setZero();
+        J(row, row) = 1.0;
+      }
+    }
   }
 
   Model& model_;
@@ -247,6 +338,7 @@ class IdaIntegrator {
   Equations eq_;
   ConstraintRates rates_;
   std::vector<bool> velocity_level_;
+  std::vector<int> redundant_;  // constraints, counted from the first reaction
   int nodes_ = 0, reactions_ = 0, velocity_ = 0, lambda_ = 0, mu_ = 0, size_ = 0;
 };
 
@@ -276,8 +368,7 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
   const std::unique_ptr<void, IdaDeleter> ida(IDACreate(context.get()));
   if (!y || !ydot || !id || !tolerance || !matrix || !ida) throw std::bad_alloc();
 
-  equations.start(accelerations, view(y, n), view(ydot, n), view(id, n), options.rtol, options.atol,
-                  view(tolerance, n));
+  equations.start(accelerations, view(y, n), view(ydot, n), view(id, n), options.atol, view(tolerance, n));
   const double t0 = settings.initial_time, h = settings.time_step;
   if (IDAInit(ida.get(), IdaIntegrator::residual, t0, y.get(), ydot.get()) != IDA_SUCCESS ||
       IDASVtolerances(ida.get(), options.rtol, tolerance.get()) != IDA_SUCCESS ||
@@ -288,7 +379,9 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
     throw std::bad_alloc();
   }
   IDASetErrHandlerFn(ida.get(), ignore_message, nullptr);
-  IDASetNonlinConvCoef(ida.get(), kNewtonCoefficient);
+  IDASetNonlinConvCoef(
+      ida.get(), std::clamp(kRoundOff / std::min(options.rtol, options.atol), kNewtonCoefficient, kLooseNewton));
+  IDASetInitStep(ida.get(), std::min(h, kFirstStep * std::sqrt(options.rtol)));
   IDASetMaxNumSteps(ida.get(), kStepsPerOutput);
   IDASetStopTime(ida.get(), settings.final_time);
 
@@ -313,7 +406,7 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
           << "; loosen the tolerances, or look for a motion that the joints do not allow";
       throw NotConverged(out.str());
     }
-    recorder.record(equations.state_of(t, values));
+    recorder.record(equations.output(t, values));
     if (options.progress) options.progress(t);
   }
   return recorder.take();

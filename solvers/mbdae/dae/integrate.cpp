@@ -28,6 +28,9 @@ InitialValueData settings_of(const Deck& deck, const IntegrateOptions& options) 
   if (options.output_every < 1) {
     throw ModelError("output every " + std::to_string(options.output_every) + " time steps: must be at least 1");
   }
+  if (!(options.rtol > 0.0) || !(options.atol > 0.0)) {
+    throw ModelError("the relative and absolute tolerance must be positive");
+  }
   return settings;
 }
 

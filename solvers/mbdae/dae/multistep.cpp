@@ -6,6 +6,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "mbdae/dae/consistency.h"
 #include "mbdae/dae/recorder.h"
 
 namespace mbdae {
@@ -92,7 +93,7 @@ class Stepper {
       Eigen::VectorXd g = eq_.g;
       J.bottomRows(count) /= c;
       g.tail(count) /= c;
-      const Eigen::VectorXd delta = J.partialPivLu().solve(g);
+      const Eigen::VectorXd delta = robust_solve(J, g);
       rate.head(first) -= delta.head(first);
       next.state.y.tail(count) -= delta.tail(count);
     }
