@@ -24,7 +24,7 @@ import numpy as np
 from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit, Inceptor
 from pilotgen.errors import EvaluationError, MatrixError
-from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, cross, forward, joint_coordinates, mirror_pose
+from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, cross
 from pilotgen.limb import Limb
 from pilotgen.matrices import Matrices
 
@@ -231,15 +231,16 @@ def _virtual_motions(
 
 def _coordinate_rates(limb: Limb, torso: Pose, poses: Mapping[str, Pose]) -> np.ndarray:
     """B (7, 24): rates of the joint coordinates from the nodes' velocities and angular velocities."""
-    left = limb.side == "left"
-    segments = {name: poses[f"{name}_{SUFFIX[limb.side]}"] for name in SEGMENTS}
-    if left:
-        segments = {name: mirror_pose(pose) for name, pose in segments.items()}
-        torso = mirror_pose(torso)
     geometry = arm_geometry(limb)
-    axes = forward(geometry, joint_coordinates(geometry, segments, torso), torso).axes
-    if left:  # an angular velocity is an axial vector
-        axes = -axes * MIRROR[:, None]
+    # fixed in the bones of a right arm; in a left arm, its mirror image, axial vectors turn into -S v
+    mirror = -MIRROR if limb.side == "left" else np.ones(3)
+    R = {name: poses[f"{name}_{SUFFIX[limb.side]}"][1] * mirror for name in SEGMENTS}
+    axes = np.empty((3, 7))
+    axes[:, :3] = torso[1] * mirror
+    axes[:, 3] = R["humerus"] @ geometry.elbow_on_humerus[:, 2]
+    axes[:, 4] = R["radius"] @ geometry.forearm_on_radius[:, 2]
+    axes[:, 5] = R["radius"] @ geometry.wrist_on_radius[:, 2]
+    axes[:, 6] = R["hand"] @ geometry.wrist_on_hand[:, 1]
     humerus, radius, ulna, hand = (slice(6 * i + 3, 6 * i + 6) for i in range(4))
     B = np.zeros((7, 24))
     B[:3, humerus] = axes[:, :3].T

@@ -47,12 +47,6 @@ def mirror_pose(pose: Pose) -> Pose:
     return pose[0] * MIRROR, pose[1] * _MIRROR_OUTER
 
 
-def cross_matrix(v: np.ndarray) -> np.ndarray:
-    """The matrix a x such that (a x) b = a x b."""
-    x, y, z = v.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a x b of two 3-vectors (numpy's general version costs ten times more)."""
     ax, ay, az = a.tolist()
@@ -62,11 +56,21 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def rotation(theta: np.ndarray) -> np.ndarray:
     """exp(theta x): the rotation matrix of a rotation vector [rad] (Rodrigues)."""
-    angle = math.sqrt(float(theta @ theta))
-    if angle < 1e-9:
-        return np.asarray(_EYE + cross_matrix(theta))
-    k = cross_matrix(theta / angle)
-    return np.asarray(_EYE + math.sin(angle) * k + (1.0 - math.cos(angle)) * (k @ k))
+    x, y, z = theta.tolist()
+    square = x * x + y * y + z * z
+    angle = math.sqrt(square)
+    if angle < 1e-6:  # the next terms are beyond round-off
+        s, t = 1.0 - square / 6.0, 0.5
+    else:
+        s, t = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
+    c = 1.0 - t * square
+    return np.array(
+        [
+            [c + t * x * x, t * x * y - s * z, t * x * z + s * y],
+            [t * x * y + s * z, c + t * y * y, t * y * z - s * x],
+            [t * x * z - s * y, t * y * z + s * x, c + t * z * z],
+        ]
+    )
 
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:
@@ -86,13 +90,18 @@ def rotation_vector(R: np.ndarray) -> np.ndarray:
 
 def rotation_vector_rate(theta: np.ndarray) -> np.ndarray:
     """Gamma(theta)^-1: d theta = Gamma^-1 d phi, d phi = rotation in the axes of the first body."""
-    angle = math.sqrt(float(theta @ theta))
-    t = cross_matrix(theta)
-    if angle < 1e-4:
-        factor = 1.0 / 12.0
-    else:
-        factor = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / angle**2
-    return np.asarray(_EYE - 0.5 * t + factor * (t @ t))
+    x, y, z = theta.tolist()
+    square = x * x + y * y + z * z
+    angle = math.sqrt(square)
+    t = 1.0 / 12.0 if angle < 1e-4 else (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / square
+    c = 1.0 - t * square
+    return np.array(
+        [
+            [c + t * x * x, t * x * y + 0.5 * z, t * x * z - 0.5 * y],
+            [t * x * y - 0.5 * z, c + t * y * y, t * y * z + 0.5 * x],
+            [t * x * z + 0.5 * y, t * y * z - 0.5 * x, c + t * z * z],
+        ]
+    )
 
 
 def frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> np.ndarray:
@@ -104,13 +113,17 @@ def frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> 
     i, j = index - 1, guess_index - 1
     k = 3 - i - j
     sign = 1.0 if (j - i) % 3 == 1 else -1.0
-    first = axis / math.sqrt(float(axis @ axis))
-    third = sign * cross(first, guess)
-    third = third / math.sqrt(float(third @ third))
+    ax, ay, az = axis.tolist()
+    norm = math.sqrt(ax * ax + ay * ay + az * az)
+    ax, ay, az = ax / norm, ay / norm, az / norm
+    gx, gy, gz = guess.tolist()
+    tx, ty, tz = ay * gz - az * gy, az * gx - ax * gz, ax * gy - ay * gx
+    norm = sign * math.sqrt(tx * tx + ty * ty + tz * tz)
+    tx, ty, tz = tx / norm, ty / norm, tz / norm
     result = np.empty((3, 3))
-    result[:, i] = first
-    result[:, k] = third
-    result[:, j] = sign * cross(third, first)
+    result[:, i] = ax, ay, az
+    result[:, k] = tx, ty, tz
+    result[:, j] = sign * (ty * az - tz * ay), sign * (tz * ax - tx * az), sign * (tx * ay - ty * ax)
     return result
 
 
@@ -153,8 +166,22 @@ def _toward(axis: np.ndarray, direction: int) -> np.ndarray:
     return axis if axis[direction] > 0.0 else -axis
 
 
+_recent: list[tuple[Limb, ArmGeometry]] = []
+_RECENT = 4  # limbs whose geometry is remembered: every stage of one pilot asks for it
+
+
 def arm_geometry(limb: Limb) -> ArmGeometry:
     """The geometry of one limb as a right arm."""
+    for known, geometry in _recent:
+        if known is limb:
+            return geometry
+    geometry = _arm_geometry(limb)
+    _recent.insert(0, (limb, geometry))
+    del _recent[_RECENT:]
+    return geometry
+
+
+def _arm_geometry(limb: Limb) -> ArmGeometry:
     left = limb.side == "left"
     mirror = MIRROR if left else np.ones(3)
     HR, UH = limb.HR_in_humerus * mirror, limb.UH_in_radius * mirror
