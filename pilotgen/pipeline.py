@@ -30,7 +30,7 @@ from pilotgen.biometrics import Biometrics, biometrics_from
 from pilotgen.body import Body, make_body
 from pilotgen.cockpit import Cockpit, make_cockpit
 from pilotgen.deck import render_direct, render_posture, render_trim
-from pilotgen.errors import EvaluationError, SolverError
+from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError
 from pilotgen.feedthrough import certificate, make_pilot_model, mayo_pilot
 from pilotgen.helicopter import HeaveModel
 from pilotgen.loop import LoopModel
@@ -160,13 +160,15 @@ def evaluate(bench: Workbench, values: Mapping[str, float], keep: Path | None = 
         return _evaluate_multibody(bench, plain, keep)
     except EvaluationError as error:
         return FailedEvaluation(plain, error.stage, error.reason)
+    except MatrixError as error:
+        return FailedEvaluation(plain, "matrices", str(error))
 
 
 def write_decks(bench: Workbench, values: Mapping[str, float], directory: Path) -> FailedEvaluation | None:
     """Write the three decks of one pilot; None when all went well."""
     plain = {name: float(value) for name, value in values.items()}
     try:
-        _solve_pilot(bench, plain, directory, linearise=False)
+        solve_pilot(bench, plain, directory, linearise=False)
     except EvaluationError as error:
         return FailedEvaluation(plain, error.stage, error.reason)
     return None
@@ -185,9 +187,10 @@ class SolvedPilot:
     matrices: Matrices | None  # None when the pilot's deck was not linearised
 
 
-def _solve_pilot(
-    bench: Workbench, values: Mapping[str, float], keep: Path | None, linearise: bool = True
+def solve_pilot(
+    bench: Workbench, values: Mapping[str, float], keep: Path | None = None, linearise: bool = True
 ) -> SolvedPilot:
+    """Posture and activations of one pilot, the deck at the controls and, with `linearise`, its matrices."""
     settings, inceptor = bench.study.pilot, bench.study.inceptor
     where = keep if keep is not None else bench.scratch
 
@@ -224,11 +227,12 @@ def _solve_pilot(
         body, cockpit, posture, activations=activations, muscle_lengths=trim.muscle_lengths, gains=gains, c=c
     )
     write(PILOT_DECK, text)
-    matrices = _linearise(bench, text, where) if linearise else None
+    matrices = linearise_direct(bench, text, where) if linearise else None
     return SolvedPilot(biometrics, body, cockpit, posture, activations, text, matrices)
 
 
-def _linearise(bench: Workbench, text: str, where: Path) -> Matrices:
+def linearise_direct(bench: Workbench, text: str, where: Path) -> Matrices:
+    """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5."""
     path = where / "matrices.h5"
     bench.ask("linearise", text, PILOT_DECK, path)
     matrices = read_matrices(path, complete=False)
@@ -250,7 +254,7 @@ def _linearise(bench: Workbench, text: str, where: Path) -> Matrices:
 
 def _evaluate_multibody(bench: Workbench, values: dict[str, float], keep: Path | None) -> Evaluation:
     study = bench.study
-    pilot = _solve_pilot(bench, values, keep)
+    pilot = solve_pilot(bench, values, keep)
     assert pilot.matrices is not None
     model = make_pilot_model(
         pilot.matrices,
@@ -324,7 +328,17 @@ def _bdft_summary(model: PilotModel, certificate: float | None) -> dict[str, Any
         "dominant_damping": damping,
         "grip_motion_3hz_mm_per_m_s2": 1e3 * motion,
         "certificate": certificate,
+        "cyclic": _cyclic_summary(model),
     }
+
+
+def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
+    """Rotation of the cyclic stick at 3 Hz without washout [mrad per m/s^2] by axis; None without a right arm."""
+    axes = [(k, name) for k, name in enumerate(model.outputs) if name.startswith("cyclic_")]
+    if not axes:
+        return None
+    omega = 2.0 * math.pi * GRIP_FREQUENCY_HZ
+    return {f"{name}_3hz_mrad_per_m_s2": 1e3 * abs(complex(model.response(omega, k, washout=False))) for k, name in axes}
 
 
 # ---- many pilots ---------------------------------------------------------------------------------------------------
@@ -362,7 +376,13 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
         bench = _BENCHES[key] = Workbench(task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
         _close_at_exit(bench)
     start_cpu, start_solver = time.process_time(), bench.solver_seconds
-    outcome = evaluate(bench, task.values)
+    outcome: Evaluation | FailedEvaluation
+    try:
+        outcome = evaluate(bench, task.values)
+    except PilotgenError:
+        raise  # a missing solver, a full disk, a wrong study: no pilot would fare better
+    except Exception as error:  # the edge of a worker: a fault of ours on one pilot must not end the study
+        outcome = FailedEvaluation(task.values, "internal", f"{type(error).__name__}: {error}")
     return outcome.result, time.process_time() - start_cpu + bench.solver_seconds - start_solver
 
 
