@@ -130,8 +130,8 @@ def _literal(plant: Plant, modal: ModalModel) -> _Realisation:
 # ---- the certificate
 
 
-def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> float:
-    """Return the largest relative difference between the model and the full-order response of the collective rotation.
+def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, output: int = 0) -> float:
+    """Return the largest relative difference between the model and the full-order response.
 
     Parameters
     ----------
@@ -139,6 +139,9 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> f
         A model made from matrices (it carries them).
     frequencies_hz : array_like, optional
         Where to compare [Hz]; by default 12 points from 0.1 to 20 Hz and the pilot's own frequencies in between.
+
+    output : int
+        Which of the model's outputs; by default the collective rotation.
 
     Raises
     ------
@@ -154,8 +157,8 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> f
     else:
         grid = np.asarray(frequencies_hz, dtype=float).reshape(-1)
     omega = 2.0 * np.pi * grid
-    full = full_order_response(model.plant, omega)[:, 0]
-    difference = np.abs(model.response(omega, washout=False) - full)
+    full = full_order_response(model.plant, omega)[:, output]
+    difference = np.abs(model.response(omega, output, washout=False) - full)
     return float(np.max(difference / np.abs(full))) if np.any(full) else float(np.max(difference))
 
 
