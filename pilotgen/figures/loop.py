@@ -119,7 +119,8 @@ def margins_text(margins: Margins) -> str:
     state = "closed loop stable" if margins.stable else "closed loop UNSTABLE"
     gain = _margin(margins.gain_margin_db, "dB", margins.gain_margin_hz, "L never real and negative")
     phase = _margin(margins.phase_margin_deg, "deg", margins.phase_margin_hz, "|L| never 1")
-    return f"{state};  gain margin {gain};  phase margin {phase};  modulus margin {margins.modulus_margin:.3f}"
+    nearest = "modulus margin" if margins.stable else "distance to −1"
+    return f"{state};  gain margin {gain};  phase margin {phase};  {nearest} {margins.modulus_margin:.3f}"
 
 
 def _margin(value: float, unit: str, at_hz: float | None, why: str) -> str:
@@ -230,7 +231,7 @@ def _nyquist_panel(
         circle.imag,
         color=style.PURPLE,
         linewidth=1.1,
-        label=f"modulus margin {margins.modulus_margin:.3f}",
+        label=f"{'modulus margin' if margins.stable else 'distance to −1'} {margins.modulus_margin:.3f}",
     )
     axes.plot(L.real, -L.imag, color=color, linewidth=0.8, alpha=0.35)
     axes.plot(L.real, L.imag, color=color, label="L(jω), ω > 0")

@@ -224,8 +224,8 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
     colors.scatter(axes, x_scale.place(gain[rows]), y_scale.place(phase[rows]), rows)
     order = front[np.lexsort((phase[front], gain[front]))]
     axes.plot(
-        x_scale.place(gain[order]), y_scale.place(phase[order]), "-D", color=VERMILLION, markersize=5, markerfacecolor="none",
-        linewidth=1.0, clip_on=False, zorder=4, label=f"Pareto front of the last population ({len(front)} pilots)",
+        x_scale.place(gain[order]), y_scale.place(phase[order]), "-D", color=VERMILLION, markersize=5,
+        markerfacecolor="none", linewidth=1.0, clip_on=False, zorder=4, label=f"Pareto front ({len(front)} pilots)",
     )  # fmt: skip
     if worst is not None:
         axes.plot(

@@ -39,7 +39,7 @@ class FrontDecks:
 
 
 def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECKS) -> FrontDecks:
-    """At most `most` pilots of the front that differ from each other, the worst first; spread along it if there are more."""
+    """At most `most` pilots of the front that differ from each other, worst first; spread along it if more exist."""
     members = set(front.tolist())
     order = np.array([index for index in worst_order(results).tolist() if index in members], dtype=np.int64)
     different = distinct(results, order, len(order))
@@ -52,7 +52,7 @@ def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECK
 
 
 def write_front_decks(directory: Path, bench: Workbench, results: StudyResults, chosen: FrontDecks) -> None:
-    """Write `directory/front/NN/` with decks, matrices.h5 and result.json of every chosen pilot; replaces an older front.
+    """Write `directory/front/NN/`: decks, matrices.h5 and result.json of every chosen pilot; replaces an older front.
 
     Raises
     ------
@@ -80,5 +80,5 @@ def write_front_decks(directory: Path, bench: Workbench, results: StudyResults, 
     except OSError as error:
         shutil.rmtree(part, ignore_errors=True)
         raise FileError(
-            f"{target}: the decks of the front cannot be written ({error.strerror or error}); check space and permissions"
+            f"{target}: the front's decks cannot be written ({error.strerror or error}); check space and permissions"
         ) from None

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.figures.style import quantity
 from pilotgen.figures.study import MARGINS, RULE_OF_THUMB, Curve
+from pilotgen.figures.style import quantity
 from pilotgen.results import StudyResults
 from pilotgen.search.problem import CAPS
 
@@ -108,8 +108,8 @@ def verdict(results: StudyResults, worst: int, rotorcraft: str) -> str:
     stable = results.columns["stable"][worst] == 1
     gain, phase = (margin_text(results, name, worst) for name in MARGINS)
     return (
-        f"The worst pilot has {pilot_text(results, worst)}. With this pilot at the collective of the {rotorcraft} the closed loop is "
-        f"{'stable' if stable else 'UNSTABLE'}: gain margin {gain}, phase margin {phase}."
+        f"The worst pilot has {pilot_text(results, worst)}. With this pilot at the collective of the {rotorcraft} "
+        f"the closed loop is {'stable' if stable else 'UNSTABLE'}: gain margin {gain}, phase margin {phase}."
     )
 
 
@@ -119,24 +119,15 @@ def rule_of_thumb(results: StudyResults, worst: int) -> list[str]:
     for name in MARGINS:
         value, wanted = float(results.columns[name][worst]), RULE_OF_THUMB[name]
         unit, digits = (" dB", 2) if name == "gain_margin_db" else ("°", 1)
-        limit = f"{wanted:g}{unit}"
-        label = quantity(name).name
         if math.isinf(value) and value > 0.0:
-            sentences.append(
-                f"{label.capitalize()}: the worst pilot's loop has no crossing, so nothing limits it; the rule asks for {limit}."
-            )
+            text = "the worst pilot's loop has no crossing, so the margin is infinite."
         elif math.isinf(value):
-            sentences.append(
-                f"{label.capitalize()}: the closed loop is unstable and no change of gain or phase on the way to it can be named."
-            )
+            text = "the worst pilot's closed loop is unstable, and its loop has no crossing to measure from."
         elif value < wanted:
-            sentences.append(
-                f"{label.capitalize()}: the worst pilot misses the {limit} of the rule of thumb by {number(wanted - value, digits)}{unit}."
-            )
+            text = f"the worst pilot misses {wanted:g}{unit} by {number(wanted - value, digits)}{unit}."
         else:
-            sentences.append(
-                f"{label.capitalize()}: even the worst pilot keeps the {limit} of the rule of thumb, with {number(value - wanted, digits)}{unit} to spare."
-            )
+            text = f"even the worst pilot keeps {wanted:g}{unit}, with {number(value - wanted, digits)}{unit} to spare."
+        sentences.append(f"{quantity(name).name.capitalize()}: {text}")
     return sentences + _shares(results)
 
 
@@ -151,8 +142,8 @@ def _shares(results: StudyResults) -> list[str]:
     unstable = int((columns["stable"][rows] == 0).sum())
     who = "first population, spread evenly over the box" if len(results.members) else "sample"
     return [
-        f"Of the {len(rows)} evaluated pilots of the {who}, {counts[0]} have less than 6 dB, {counts[1]} less than 60°, "
-        f"and {unstable} make the closed loop unstable."
+        f"Of the {len(rows)} evaluated pilots of the {who}, {counts[0]} have less than 6 dB, "
+        f"{counts[1]} less than 60°, and {unstable} make the closed loop unstable."
     ]
 
 
@@ -164,28 +155,31 @@ class Bound:
     side: str  # "lower" | "upper"
     value: float
     share: float  # of the first front that lies at this bound
+    searched: bool  # by a search; false for a sample
 
     @property
     def sentence(self) -> str:
         """`The search stopped at body mass index 30 kg/m², the upper bound: ...`."""
         return (
-            f"The search stopped at {quantity(self.name).text(self.value)}, the {self.side} bound of the study "
-            f"({100.0 * self.share:.0f} % of the final front lies there): the worst pilot may lie beyond."
+            f"The {'search stopped' if self.searched else 'sample ends'} at {quantity(self.name).text(self.value)}, "
+            f"the {self.side} bound of the study "
+            f"({100.0 * self.share:.0f} % of the front lies there): the worst pilot may lie beyond."
         )
 
 
 def bounds_met(results: StudyResults, worst: int, front: np.ndarray) -> list[Bound]:
     """Which variables of the worst pilot are at an end of the box."""
     width = results.upper - results.lower
-    share = (results.columns["inputs"] - results.lower) / np.where(width > 0.0, width, 1.0)
+    place = (results.columns["inputs"] - results.lower) / np.where(width > 0.0, width, 1.0)
     found = []
     for j, name in enumerate(results.names):
         for side, distance, value in (
-            ("lower", share[:, j], results.lower[j]),
-            ("upper", 1.0 - share[:, j], results.upper[j]),
+            ("lower", place[:, j], results.lower[j]),
+            ("upper", 1.0 - place[:, j], results.upper[j]),
         ):
             if distance[worst] <= AT_BOUND:
-                found.append(Bound(name, side, float(value), float(np.mean(distance[front] <= AT_BOUND))))
+                share = float(np.mean(distance[front] <= AT_BOUND))
+                found.append(Bound(name, side, float(value), share, bool(len(results.members))))
     return found
 
 
@@ -236,14 +230,14 @@ def _ranks(values: np.ndarray) -> np.ndarray:
 
 
 def curve_sentence(curve: Curve) -> str:
-    """`For the worst pilot, changing it alone moves the gain margin from −4.50 to 2.79 dB.`"""
+    """`For the worst pilot, it alone moves the gain margin between −4.50 and 2.79 dB.`"""
     margin = curve.margins["gain_margin_db"]
     if np.isnan(margin).all():
         return ""
     low, high = float(np.nanmin(margin)), float(np.nanmax(margin))
     if math.isinf(low) or math.isinf(high):
-        return "For the worst pilot, changing it alone makes the gain margin infinite somewhere in its range."
-    return f"For the worst pilot, changing it alone moves the gain margin between {number(low, 2)} and {number(high, 2)} dB."
+        return "For the worst pilot, it alone makes the gain margin infinite somewhere in its range."
+    return f"For the worst pilot, it alone moves the gain margin between {number(low, 2)} and {number(high, 2)} dB."
 
 
 # ---- failures and replay

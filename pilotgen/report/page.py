@@ -35,7 +35,12 @@ STUDY_FILE = "study.yaml"  # beside the report, so that its commands hold wherev
 TABLE_ROWS = 10
 PIXELS_PER_INCH = 106  # CSS pixels: a figure of the page's width fills the page
 # columns of study.h5 shown beside the searched variables, where they were computed: heading, digits
-DERIVED = {"mass_kg": ("mass [kg]", 1), "bmi": ("BMI [kg/m²]", 1), "pilot_frequency_hz": ("pilot mode [Hz]", 2), "pilot_damping": ("its damping", 2)}  # fmt: skip
+DERIVED = {
+    "mass_kg": ("mass [kg]", 1),
+    "bmi": ("BMI [kg/m²]", 1),
+    "pilot_frequency_hz": ("pilot mode [Hz]", 2),
+    "pilot_damping": ("its damping", 2),
+}
 
 
 @dataclass(frozen=True)
@@ -135,8 +140,8 @@ def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Re
         "curves": _picture(
             study_figures.margin_curves(results, repeated.curves if repeated else (), worst),
             "gain and phase margin of every pilot against each searched variable",
-            "Margins against each variable. Blue: the first population, which covers the box evenly; grey: all later pilots, which the "
-            "search drew from where margins are small"
+            "Margins against each variable. Blue: the first population, which covers the box evenly; grey: later "
+            "pilots, which the search drew from where margins are small"
             + (
                 "; orange: the worst pilot with this one variable changed, all others held."
                 if repeated and repeated.curves
@@ -166,12 +171,13 @@ def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Re
             pictures["nyquist"] = _picture(
                 loop_figures.nyquist(pilots),
                 f"Nyquist curves of the {names}",
-                "Nyquist curves around the critical point −1 (+). Grey markers are crossings that do not set a margin; the pale curve is ω < 0.",
+                "Nyquist curves around the critical point −1 (+). Grey markers: crossings that do not set a margin; "
+                "pale curve: ω < 0.",
             )
             pictures["bode"] = _picture(
                 loop_figures.bode(pilots),
                 f"Bode diagrams of the {names}",
-                "Biodynamic feedthrough (motion of the collective grip per seat acceleration, washout included) and loop.",
+                "Biodynamic feedthrough (motion of the collective grip per seat acceleration, with washout) and loop.",
             )
     return pictures
 

@@ -54,7 +54,7 @@ def write_report(
     mbdae: str | None = None,
     evaluations: bool = True,
 ) -> Path:
-    """Write report.html, study.yaml (the study's text) and, for multibody pilots, the decks of the front to `directory`.
+    """Write report.html, study.yaml (the study's text) and, for multibody pilots, decks of the front to `directory`.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def _equal(a: float, b: float) -> bool:
 def one_at_a_time(
     bench: Workbench, results: StudyResults, values: Mapping[str, float], column: int, points: int = CURVE_POINTS
 ) -> Curve:
-    """Margins of the pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
+    """Margins of pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
     name = results.names[column]
     grid = np.unique(np.append(np.linspace(results.lower[column], results.upper[column], points), values[name]))
     margins = np.full((len(MARGINS), len(grid)), np.nan)
