@@ -39,7 +39,7 @@ from pilotgen.matrices import Matrices, read_matrices
 from pilotgen.pilot_model import PilotModel
 from pilotgen.posture import Posture, first_guess, from_poses
 from pilotgen.reflex import reflex_gains
-from pilotgen.solver import SolverClient, SolverReply, find_mbdae, run_mbdyn
+from pilotgen.solver import SolverClient, SolverReply, find_mbdae, find_mbdyn, run_mbdyn
 from pilotgen.statespace import StateSpaceModel
 from pilotgen.study import Study
 
@@ -101,12 +101,13 @@ class Workbench:
     ) -> None:
         self.study = study
         self.solver = solver
-        self.mbdyn = mbdyn
         self.time_limit_s = time_limit_s
+        # A missing program is found out before anything is written.
+        self.mbdae = find_mbdae(mbdae) if study.pilot.model == "multibody" else None
+        self.mbdyn = find_mbdyn(mbdyn) if solver == "mbdyn" else None
         self.helicopter = HeaveModel(study.rotorcraft)
         self.solver_seconds = 0.0
         self._client: SolverClient | None = None
-        self._mbdae = mbdae
         shared_memory = Path("/dev/shm")
         root = shared_memory if shared_memory.is_dir() and os.access(shared_memory, os.W_OK) else None
         self.scratch = Path(tempfile.mkdtemp(prefix="pilotgen-", dir=root))
@@ -115,7 +116,7 @@ class Workbench:
     def client(self) -> SolverClient:
         """The running solver; started when first asked for."""
         if self._client is None:
-            self._client = SolverClient(find_mbdae(self._mbdae))
+            self._client = SolverClient(self.mbdae)
         return self._client
 
     def ask(self, task: str, text: str, name: str, output: Path | None = None, **options: Any) -> SolverReply:

@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> int:
     study, values = common.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(f"{args.study}: pilot.model = {study.pilot.model!r} has no decks; only multibody pilots have")
-    directory = common.prepare_directory(args.output)
     with Workbench(study, mbdae=args.mbdae) as bench:
+        directory = common.prepare_directory(args.output)
         failure = write_decks(bench, values, directory)
     if failure is not None:
         print(

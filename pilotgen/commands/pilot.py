@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.pipeline import Evaluation, Workbench, evaluate
 
     study, values = common.read_pilot(args)
-    directory = common.prepare_directory(args.output)
     with Workbench(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as bench:
+        directory = common.prepare_directory(args.output)
         outcome = evaluate(bench, values, keep=directory)
     common.write_text(directory / "result.json", common.to_json(outcome.result))
     if args.json:

@@ -1,0 +1,253 @@
+"""The command line: every mistake gives one clear message, the right exit code, no traceback, nothing half-written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pilotgen.cli import COMMANDS, main
+from pilotgen.solver import find_mbdae
+
+STUDIES = Path(__file__).parents[2] / "docs" / "studies"
+QUICK = STUDIES / "quick.yaml"
+MAYO = STUDIES / "puma-mayo.yaml"
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a command line in this process; returns exit code, standard output, standard error."""
+    monkeypatch.delenv("PILOTGEN_DEBUG", raising=False)
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as leave:
+            code = int(leave.code or 0)
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+def changed(tmp_path: Path, old: str, new: str, source: Path = QUICK) -> Path:
+    """A copy of a study with a mistake in it."""
+    text = source.read_text()
+    assert old in text
+    path = tmp_path / "study.yaml"
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def refused(result: tuple[int, str, str], *patterns: str) -> None:
+    """The command refused with exit code 1 and one message that holds every pattern."""
+    code, out, err = result
+    assert code == 1, (out, err)
+    assert out == ""
+    assert err.startswith("pilotgen") and err.count("error:") == 1, err
+    assert "Traceback" not in err and "internal" not in err
+    for pattern in patterns:
+        assert re.search(pattern, err), f"{pattern!r} not in {err!r}"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(run: Run, command: str) -> None:
+    code, out, _ = run(command, "--help")
+    assert code == 0
+    assert f"pilotgen {command} " in out.split("example:")[1]
+    code, out, _ = run(command, "--version")
+    assert code == 0
+    assert re.fullmatch(r"pilotgen \d+\.\d+\.\d+\n", out)
+
+
+def test_version_and_wrong_command_lines(run: Run) -> None:
+    assert run("--version")[0] == 0
+    for arguments in (
+        [],
+        ["bounce"],
+        ["pilot"],
+        ["search", QUICK, "--workers", "0", "-o", "x"],
+        ["sample", QUICK, "-n", "x", "-o", "d"],
+    ):
+        code, out, err = run(*arguments)
+        assert (code, out) == (1, "")
+        assert "error:" in err and "--help" in err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "patterns"),
+    [
+        (
+            "rotorcraft: iar330-puma",
+            "rotorkraft: iar330-puma",
+            [r"study\.yaml:\d+", "rotorkraft", "did you mean 'rotorcraft'"],
+        ),
+        ("inceptor:", "inceptors:", [r"study\.yaml:\d+", "did you mean 'inceptor'"]),
+        ("lever_length_m: 0.32, ", "", [r"study\.yaml:\d+", "lever_length_m", "missing"]),
+        ("rotorcraft: iar330-puma", "rotorcraft: iar330-pum", [r"study\.yaml:\d+", "iar330-puma"]),
+        ("stature_m: 1.775", "stature_m: 1775", [r"study\.yaml:\d+", "1775", "metres"]),
+        ("bmi: [18, 30]", "bmi: [30, 18]", [r"study\.yaml:\d+", "swap"]),
+        ("bmi: [18, 30]", "bmi: [18, thirty]", [r"study\.yaml:\d+", "thirty", "number"]),
+        ("population: 12", "population: twelve", [r"study\.yaml:\d+", "twelve", "whole number"]),
+        ("population: 12", "population: -12", [r"study\.yaml:\d+", "-12"]),
+        ("sex: male", "sex: mail", [r"study\.yaml:\d+", "male, female"]),
+        ("search:", "search: [", [r"study\.yaml:\d+"]),
+    ],
+)
+def test_mistakes_in_the_study_file(run: Run, tmp_path: Path, old: str, new: str, patterns: list[str]) -> None:
+    study = changed(tmp_path, old, new)
+    output = tmp_path / "out"
+    for command in ("pilot", "search", "decks"):
+        refused(run(command, study, "-o", output), *patterns)
+        assert not output.exists()
+
+
+def test_missing_and_strange_study_files(run: Run, tmp_path: Path) -> None:
+    refused(run("pilot", tmp_path / "none.yaml", "-o", tmp_path / "out"), r"none\.yaml")
+    refused(run("pilot", tmp_path, "-o", tmp_path / "out"), "directory")
+    (tmp_path / "binary.yaml").write_bytes(b"\x00\xff\xfe\x00")
+    refused(run("pilot", tmp_path / "binary.yaml", "-o", tmp_path / "out"), r"binary\.yaml")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "patterns"),
+    [
+        (["stature_m=1775"], ["1775", "metres"]),
+        (["stature=1.8"], ["stature_m"]),
+        (["stature_m"], ["NAME=VALUE"]),
+        (["stature_m=tall"], ["tall", "number"]),
+        (["mass_kg=80", "bmi=25"], ["exclude each other"]),
+        (["bmi=25", "bmi=26"], ["twice"]),
+    ],
+)
+def test_wrong_settings(run: Run, tmp_path: Path, settings: list[str], patterns: list[str]) -> None:
+    refused(run("pilot", QUICK, "-o", tmp_path / "out", "--set", *settings), *patterns)
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_directories_that_cannot_be_used(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for command in ("pilot", "search", "decks"):
+        refused(run(command, QUICK, "-o", tmp_path / "file"), "is a file|cannot be")
+        refused(run(command, QUICK, "-o", tmp_path / "file" / "below"), "cannot be")
+    refused(run("pilot", QUICK, "-o", "/proc/pilotgen"), "/proc/pilotgen", "choose a directory")
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "study.h5").write_bytes(b"precious")
+    for command in ("pilot", "search", "decks"):
+        refused(run(command, QUICK, "-o", tmp_path / "study"), "already holds a study")
+    assert (tmp_path / "study" / "study.h5").read_bytes() == b"precious"
+
+
+def test_missing_solver(run: Run, tmp_path: Path) -> None:
+    missing = tmp_path / "mbdae"
+    for command in ("pilot", "search", "decks"):
+        refused(run(command, QUICK, "-o", tmp_path / command, "--mbdae", missing), "mbdae", "does not exist")
+        assert not (tmp_path / command).exists()
+    missing.write_text("not a program")
+    refused(run("pilot", QUICK, "-o", tmp_path / "out", "--mbdae", missing), "not an executable")
+
+
+def test_solver_that_dies_is_named_and_the_search_says_so(run: Run, tmp_path: Path) -> None:
+    solver = tmp_path / "mbdae"
+    solver.write_text("#!/bin/sh\nread line\nkill -SEGV $$\n")
+    solver.chmod(0o755)
+    code, out, err = run("pilot", QUICK, "-o", tmp_path / "out", "--mbdae", solver)
+    assert code == 2 and out == ""
+    assert "SIGSEGV" in err and "Traceback" not in err
+    assert '"status": "failed"' in (tmp_path / "out" / "result.json").read_text()
+
+
+def test_solver_that_is_no_solver(run: Run, tmp_path: Path) -> None:
+    solver = tmp_path / "mbdae"
+    solver.write_text("#!/bin/sh\nwhile read line; do echo hello; done\n")
+    solver.chmod(0o755)
+    code, _, err = run("pilot", QUICK, "-o", tmp_path / "out", "--mbdae", solver)
+    assert code == 2
+    assert "broke the protocol" in err
+
+
+def test_mbdyn_that_is_not_there(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PILOTGEN_MBDAE", str(find_mbdae()))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("PILOTGEN_MBDYN", raising=False)
+    refused(run("pilot", QUICK, "-o", tmp_path / "out", "--solver", "mbdyn"), "MBDyn is not installed")
+
+
+def test_decks_of_a_transfer_function_pilot(run: Run, tmp_path: Path) -> None:
+    refused(run("decks", MAYO, "-o", tmp_path / "out"), "has no decks")
+
+
+def test_one_pilot_end_to_end(run: Run, tmp_path: Path) -> None:
+    import json
+
+    code, out, err = run("pilot", QUICK, "-o", tmp_path / "out", "--no-figures")
+    assert (code, err) == (0, "")
+    assert "gain margin" in out and "BDFT" in out
+    files = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"posture.mbd", "trim.mbd", "pilot.mbd", "matrices.h5", "result.json", "pilot_model.h5"} <= files
+    assert not [name for name in files if name.endswith(".part")]
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["status"] == "ok"
+    assert result["bdft"]["certificate"] < 1e-8
+    assert 0.0 <= result["activation"]["largest"] <= 1.0
+    assert all(pole["damping"] > 0.0 for pole in result["pilot_poles"])
+    code, out, _ = run("pilot", QUICK, "-o", tmp_path / "out", "--no-figures", "--json")
+    assert code == 0
+    assert json.loads(out) == result
+
+
+def test_decks_end_to_end(run: Run, tmp_path: Path) -> None:
+    code, out, _ = run("decks", QUICK, "-o", tmp_path / "out", "--set", "stature_m=1.62")
+    assert code == 0
+    assert [Path(line).name for line in out.splitlines()] == ["posture.mbd", "trim.mbd", "pilot.mbd"]
+    assert all(Path(line).is_file() for line in out.splitlines())
+
+
+def test_a_pilot_that_fails_is_a_result(run: Run, tmp_path: Path) -> None:
+    out_of_reach = "cockpit: {collective: {grip_m: [0.95, 0.255, -0.25]}}\nnominal:"
+    study = changed(tmp_path, "nominal:", out_of_reach)
+    code, out, err = run("pilot", study, "-o", tmp_path / "out")
+    assert code == 2 and out == ""
+    assert re.match(r"pilotgen: failed: posture: .*reach", err)
+    assert '"stage": "posture"' in (tmp_path / "out" / "result.json").read_text()
+    code, out, err = run("search", study, "-o", tmp_path / "all", "--workers", "1", "--no-report", "--quiet")
+    assert code == 2
+    assert "36 evaluations (0 from the journal), 36 failed" in out
+    assert re.search(r"36 failed at posture, e\.g\. .*\n    again with: pilotgen pilot .* --set age_years=", out)
+    refused(
+        run("search", study, "-o", tmp_path / "few", "--workers", "1", "--max-failures", "3", "--quiet"),
+        "--max-failures 3",
+    )
+
+
+def test_search_end_to_end_resumed_and_served(run: Run, tmp_path: Path) -> None:
+    code, out, err = run("search", QUICK, "-o", tmp_path / "a", "--workers", "2", "--no-report")
+    assert code == 0, err
+    assert "worst pilots" in out
+    assert "generation 3/3" in err
+    refused(run("search", QUICK, "-o", tmp_path / "a"), "already holds a study", "--resume")
+    before = (tmp_path / "a" / "study.h5").read_bytes()
+    code, out, _ = run("search", QUICK, "-o", tmp_path / "a", "--workers", "1", "--resume", "--no-report")
+    assert code == 0
+    assert "36 evaluations (36 from the journal)" in out
+    assert (tmp_path / "a" / "study.h5").read_bytes() == before
+    other = changed(tmp_path, "seed: 1", "seed: 2")
+    refused(run("search", other, "-o", tmp_path / "a", "--resume"), "another text")
+
+
+def test_sample_end_to_end(run: Run, tmp_path: Path) -> None:
+    code, out, err = run("sample", MAYO, "-n", "50", "-o", tmp_path / "a", "--workers", "1")
+    assert code == 0, err
+    assert out.startswith("50 pilots (0 from the journal), 0 failed")
+    code, out, _ = run("sample", MAYO, "-n", "80", "-o", tmp_path / "a", "--workers", "1", "--resume")
+    assert out.startswith("80 pilots (50 from the journal), 0 failed")  # a longer sample begins with the shorter one
+
+
+def test_compare_of_strangers(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "a.h5").write_text("hello")
+    refused(run("compare", tmp_path / "a.h5", tmp_path / "b.h5"), "a.h5|b.h5")
