@@ -58,7 +58,9 @@ def solve(
     overrides: dict | None = None,
     floor: float = 0.0,
     strength: float = 1.0,
+    change: tuple[str, str] = ("", ""),
 ) -> Pilot:
+    """One pilot; `strength` scales the muscles, `change` replaces a text of the trim and the pilot deck."""
     body = make_body(biometrics, limbs)
     if strength != 1.0:
         body = replace(body, limbs={side: weakened(limb, strength) for side, limb in body.limbs.items()})
@@ -68,6 +70,8 @@ def solve(
     posture = from_poses(body, cockpit, reply.nodes)
     trim_file, pilot_file = directory / "trim.h5", directory / "pilot.h5"
     trim_deck = render_trim(body, cockpit, posture, gains=Gains(), c=0.01)
+    assert change[0] in trim_deck
+    trim_deck = trim_deck.replace(*change)
     solver.request("linearise", deck_text=trim_deck, name="trim.mbd", output=trim_file)
     trim = read_matrices(trim_file)
     assert trim.muscles.length == pytest.approx(posture.muscle_lengths_m, abs=1e-15)
@@ -75,6 +79,7 @@ def solve(
     pilot_deck = render_direct(
         body, cockpit, posture, activations=activations, muscle_lengths=trim.muscles.length, gains=Gains(), c=0.01
     )
+    pilot_deck = pilot_deck.replace(*change)
     solver.request("linearise", deck_text=pilot_deck, name="pilot.mbd", output=pilot_file)
     return Pilot(body, cockpit, guess, posture, activations, read_matrices(pilot_file), reply.iterations)
 
@@ -171,6 +176,35 @@ def test_a_tonic_floor_raises_every_activation_and_keeps_the_balance(solver: Sol
     pilot = solve(solver, tmp_path, man(), floor=0.01)
     assert pilot.activations.values.min() == 0.01
     assert np.abs(pilot.matrices.equilibrium_residual).max() < 1e-9
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_heavy_control_is_carried_by_the_smallest_grip_force(solver: SolverClient, tmp_path: Path, side: str) -> None:
+    """Centre of mass 0.1 m off the hinge (lever, forward) or off the pivot (stick, to the side and forward)."""
+    control = {"left": "LEVER", "right": "STICK"}[side]
+    arm = {"left": "0.1, 0., 0.", "right": "0.1, 0., 0.05"}[side]
+    heavy = (
+        f"body: {control}, {control}, {control}_MASS, null,",
+        f"body: {control}, {control}, {control}_MASS, {arm},",
+    )
+    pilot = solve(solver, tmp_path, man(), (side,), change=heavy)
+    assert np.abs(pilot.matrices.equilibrium_residual).max() < 1e-9
+    inceptor = pilot.cockpit.inceptors[side]
+    weight = np.array([0.0, -9.81 * inceptor.mass_kg, 0.0])
+    centre = inceptor.pose[1] @ np.array([float(x) for x in arm.split(",")])
+    moment = np.cross(centre, weight)
+    reach = inceptor.grip_world_m - inceptor.pose[0]
+    if side == "left":  # about the hinge only: perpendicular to the lever, in its plane
+        moment = np.array([0.0, 0.0, moment[2]])
+    expected = -np.cross(moment, reach) / (reach @ reach)
+    if side == "right":  # a moment along the stick is the pivot's business
+        assert abs(moment @ reach) < 0.05 * np.linalg.norm(moment) * np.linalg.norm(reach)
+    # the grip's reactions are components in the control's axes; they act on the control, here the first node
+    names = list(pilot.matrices.dof_names)
+    joint = f"grip_{side[0]}.reaction"
+    reaction = np.array([pilot.matrices.y[names.index(f"{joint}[{k}]")] for k in range(1, 7)])
+    assert inceptor.pose[1] @ reaction[:3] == pytest.approx(expected, abs=1e-9)
+    assert reaction[3:] == pytest.approx(0.0, abs=1e-9)
 
 
 # ---- two arms --------------------------------------------------------------------------------------------------------
