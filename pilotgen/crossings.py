@@ -282,42 +282,37 @@ class _Search:
                 )
 
     def _newton(self, jobs: _Jobs) -> tuple[list[float], list[complex], list[float]]:
-        """Roots of all jobs at once: x, L and the size of its terms."""
-        kind, a, b = np.array(jobs.kind), np.array(jobs.a), np.array(jobs.b)
-        positive, tail = np.array(jobs.positive_at_a), np.array(jobs.tail)
-        axis, circle, axis_extremum = kind == _REAL_AXIS, kind == _UNIT_CIRCLE, kind == _AXIS_EXTREMUM
-        nearest, disk = kind == _NEAREST, kind == _DISK
-        # The place of a minimum needs half the digits only: the function is flat there.
-        tolerance = np.where(axis | circle, 1e-13, 1e-8)
-        x = np.clip(np.array(jobs.guess), a, b)
-        settled = np.zeros(x.size, dtype=bool)
-        any_disk = bool(disk.any())
-        with np.errstate(all="ignore"):
-            for step in range(_MAX_NEWTON):
-                L, S, size, C = self.locus.second(x, tail)
-                F, F1, F2 = L + nearest, S, C
-                if any_disk:
-                    u = 1.0 / (1.0 - L)
-                    F = np.where(disk, (1.0 + L) * u, F)
-                    F1 = np.where(disk, 2.0 * S * u * u, S)
-                    F2 = np.where(disk, (2.0 * C + 4.0 * S * S * u) * u * u, C)
-                # Roots of d|F|^2/dx / 2 for the minima and the extrema of |L|, of Im L, of log|L|, of d Im L/dx.
-                g = (F.conj() * F1).real
-                dg = np.abs(F1) ** 2 + (F.conj() * F2).real
-                g = np.where(circle, np.log(np.abs(L)), np.where(axis, L.imag, np.where(axis_extremum, S.imag, g)))
-                dg = np.where(circle, (S / L).real, np.where(axis, S.imag, np.where(axis_extremum, C.imag, dg)))
-                before = (g >= 0.0) == positive
-                a, b = np.where(before, x, a), np.where(before, b, x)
-                move = g / dg
-                new = x - move
-                new = np.where((new > a) & (new < b), new, 0.5 * (a + b))
-                settled |= (np.abs(move) <= tolerance * x) | (b - a <= 4.0 * _EPS * b)
-                if settled.all():
-                    break
-                x = np.where(settled, x, new)
+        """Roots of all jobs: x, L and the size of its terms. The response is evaluated for all open jobs at once."""
+        count = len(jobs.kind)
+        a, b, tail = list(jobs.a), list(jobs.b), np.array(jobs.tail)
+        x = [min(max(guess, low), high) for guess, low, high in zip(jobs.guess, a, b, strict=True)]
+        L_at, size_at = [0j] * count, [0.0] * count
+        open_ = list(range(count))
+        for step in range(_MAX_NEWTON):
+            values = self.locus.second(np.array([x[i] for i in open_]), tail[open_])
+            still = []
+            for i, L, S, size, C in zip(open_, *(value.tolist() for value in values), strict=True):
+                kind = jobs.kind[i]
+                L_at[i], size_at[i] = L, size
+                g, dg = _equation(kind, L, S, C)
+                if (g >= 0.0) == jobs.positive_at_a[i]:
+                    a[i] = x[i]
+                else:
+                    b[i] = x[i]
+                # The place of a minimum needs half the digits only: the function is flat there.
+                tolerance = 1e-13 if kind in self.found else 1e-8
                 if step > 10:  # round-off keeps the last digits from settling
-                    tolerance = np.minimum(4.0 * tolerance, np.maximum(tolerance, 1e-11))
-        return x.tolist(), L.tolist(), size.tolist()
+                    tolerance = max(tolerance, min(1e-13 * 4.0 ** (step - 10), 1e-11))
+                move = g / dg if dg != 0.0 else math.inf
+                if abs(move) <= tolerance * x[i] or b[i] - a[i] <= 4.0 * _EPS * b[i]:
+                    continue
+                new = x[i] - move
+                x[i] = new if a[i] < new < b[i] else 0.5 * (a[i] + b[i])
+                still.append(i)
+            open_ = still
+            if not open_:
+                break
+        return x, L_at, size_at
 
     def _keep(self, kind: int, x: float, tail: bool, L: complex) -> None:
         if kind == _UNIT_CIRCLE or -_HUGE < L.real < -_FAINT:
@@ -333,6 +328,26 @@ class _Search:
         return Points(np.array([w for w, _ in kept], dtype=float), np.array([L for _, L in kept], dtype=complex))
 
 
+def _equation(kind: int, L: complex, S: complex, C: complex) -> tuple[float, float]:
+    """The function whose root a job seeks, and its derivative, from L, dL/dx and d2L/dx2."""
+    if kind == _REAL_AXIS:
+        return L.imag, S.imag
+    if kind == _UNIT_CIRCLE:
+        return (math.log(abs(L)), (S / L).real) if L != 0.0 else (-math.inf, 0.0)
+    if kind == _AXIS_EXTREMUM:
+        return S.imag, C.imag
+    # Half the derivative of |F|^2, with F = L, 1 + L or (1 + L)/(1 - L).
+    if kind == _NEAREST:
+        L = 1.0 + L
+    elif kind == _DISK:
+        if L == 1.0:
+            return math.inf, 0.0
+        u = 1.0 / (1.0 - L)
+        L, S, C = (1.0 + L) * u, 2.0 * S * u * u, (2.0 * C + 4.0 * S * S * u) * u * u
+    F = L.conjugate()
+    return (F * S).real, abs(S) ** 2 + (F * C).real
+
+
 class _Samples:
     """The ends of the first intervals, for the minima of |1 + L| and of 2 |1 + L| / |1 - L|."""
 
@@ -340,14 +355,17 @@ class _Samples:
         self.intervals = intervals
 
     def best(self, polished: list[tuple[float, complex]], size: Callable[[ComplexArray], FloatArray]) -> Points:
+        """The smallest of the polished minima and of the samples."""
         v = self.intervals
-        with np.errstate(all="ignore"):
-            omega0 = np.where(v.tail, 1.0 / v.x0, v.x0)
-            omega1 = np.where(v.tail, 1.0 / v.x1, v.x1)
-            omega = np.concatenate(([w for w, _ in polished], omega0, omega1))
-            L = np.concatenate(([L for _, L in polished], v.L0, v.L1))
-            i = int(np.nanargmin(size(L)))
-        return Points(omega[i : i + 1], L[i : i + 1])
+        L = np.concatenate(([L for _, L in polished], v.L0, v.L1))
+        i = int(size(L).argmin())
+        if i < len(polished):
+            omega = polished[i][0]
+        else:
+            k = (i - len(polished)) % v.x0.size
+            x = v.x0 if i - len(polished) < v.x0.size else v.x1
+            omega = _omega(float(x[k]), bool(v.tail[k]))
+        return Points(np.array([omega]), L[i : i + 1])
 
 
 def _omega(x: float, tail: bool) -> float:

@@ -188,7 +188,9 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
 
 def closed_loop_poles(model: StateSpaceModel) -> ComplexArray | None:
     """Eigenvalues [rad/s] of the closed loop, or None if 1 + L(infinity) = 0 (ill-posed)."""
-    return None if model.D == -1.0 else model.feedback().poles
+    if model.D == -1.0:
+        return None
+    return np.asarray(np.linalg.eigvals(model.A - model.B[:, None] * (model.C / (1.0 + model.D))), dtype=complex)
 
 
 def is_stable(model: StateSpaceModel) -> bool:
