@@ -20,6 +20,7 @@ import numpy as np
 from pilotgen.body import Body
 from pilotgen.check import check_choice, check_positive, check_within
 from pilotgen.errors import StudyError
+from pilotgen.fields import did_you_mean
 from pilotgen.kinematics import Pose
 from pilotgen.yamlfile import yaml_from_text
 
@@ -133,13 +134,20 @@ def cockpit_data(cockpit: str | Mapping[str, Any] | None = None) -> CockpitData:
     base = _bundled()
     merged = {section: dict(values) for section, values in base.items()}
     for section, changes in cockpit.items():
-        check_choice("key of the cockpit", section, base)
+        _check_key("cockpit", section, base)
         if not isinstance(changes, Mapping):
             raise StudyError(f"cockpit.{section} = {changes!r} is not a mapping; keys: {', '.join(base[section])}")
         for key, value in changes.items():
-            check_choice(f"key of cockpit.{section}", key, base[section])
+            _check_key(f"cockpit.{section}", key, base[section])
             merged[section][key] = value
     return _checked(merged, "cockpit")
+
+
+def _check_key(where: str, key: str, known: Mapping[str, Any]) -> None:
+    if key not in known:
+        raise StudyError(
+            f"{where}: key {key!r} is not known; {did_you_mean(str(key), list(known))}known keys: {', '.join(known)}"
+        )
 
 
 def _checked(values: Mapping[str, Any], name: str) -> CockpitData:

@@ -215,6 +215,7 @@ def _muscle_text(
     return SimpleNamespace(
         name=f"{muscle.name.upper()}_{S}",
         full_name=muscle.full_name,
+        x=f"{length_m / muscle.l0_m:.3f}",
         L0=number(muscle.l0_m),
         F0=number(muscle.F0_N),
         activation=number(activation),
