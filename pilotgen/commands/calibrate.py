@@ -1,0 +1,110 @@
+"""`pilotgen calibrate`: fit the reflex gains to Mayo's pilots.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pilotgen.commands import common
+
+if TYPE_CHECKING:
+    from pilotgen.calibration import Calibration
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "calibrate",
+        "fit the reflex gains to measured pilots",
+        "Fit the reflex gains Kp and Kd so that the mesomorphic reference pilot in the study's cockpit has the "
+        "frequency and damping that Mayo measured; predict the ectomorphic one; derive the gains of the other tasks. "
+        "Prints a report and the gains as YAML; with -o writes calibration.json and reflex.yaml there, with --write "
+        "replaces the gains that come with pilotgen.",
+        "pilotgen calibrate docs/studies/puma-bmi.yaml -o results/calibration",
+    )
+    common.add_study(parser)
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=None, help="directory for the results")
+    parser.add_argument("--write", action="store_true", help="replace pilotgen's own data/reflex.yaml")
+    parser.add_argument(
+        "--no-sensitivities",
+        action="store_true",
+        help="do not repeat the fit with other bodies",
+    )
+    parser.add_argument(
+        "--mbdae", metavar="PATH", default=None, help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, "
+        "or PATH"
+    )  # fmt: skip
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, print, write."""
+    from pilotgen.errors import StudyError
+    from pilotgen.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.calibration import calibrate, reference_study, reflex_yaml
+    from pilotgen.pipeline import Workbench
+    from pilotgen.study import read_study
+
+    study = read_study(args.study)
+    if study.pilot.model != "multibody":
+        raise StudyError(
+            f"{args.study}: pilot.model = {study.pilot.model!r} has no reflexes; only multibody pilots have"
+        )
+    directory = common.prepare_directory(args.output) if args.output is not None else None
+    with Workbench(reference_study(study), mbdae=args.mbdae) as bench:
+        found = calibrate(bench, sensitivities=not args.no_sensitivities)
+    text = reflex_yaml(found)
+    print(report(found))
+    print(text, end="")
+    if directory is not None:
+        common.write_text(directory / "calibration.json", common.to_json(found.as_dict()))
+        common.write_text(directory / "reflex.yaml", text)
+        print(f"calibration.json and reflex.yaml are in {directory}")
+    if args.write:
+        own = Path(str(resources.files("pilotgen") / "data" / "reflex.yaml"))
+        common.write_text(own, text)
+        print(f"{own} replaced")
+    return 0
+
+
+def report(found: Calibration) -> str:
+    """Tables for a person."""
+    lines = ["reference pilots, position task      frequency  damping  grip at 3 Hz   grip stiffness"]
+    lines.append("                                     Hz         -        mm per m/s^2   N/m")
+    for pilot in found.pilots:
+        body = f"{pilot.values['stature_m']:.2f} m, {pilot.values['mass_kg']:.0f} kg"
+        lines.append(
+            f"  {pilot.name:12s} {body:14s} model  {pilot.frequency_hz:7.3f}  {pilot.damping:8.3f}  "
+            f"{pilot.grip_motion_mm_per_m_s2:9.2f}  {pilot.grip_stiffness_N_per_m:13.0f}"
+        )
+        lines.append(
+            f"  {'':27s} Mayo   {pilot.measured.frequency_hz:7.3f}  {pilot.measured.damping:8.3f}  "
+            f"{pilot.measured_grip_motion_mm_per_m_s2:9.2f}  {pilot.measured_grip_stiffness_N_per_m:13.0f} *"
+        )
+    lines.append("  * (2 pi f)^2 of Mayo's frequency times the model's driving-point mass at the grip, "
+                 + ", ".join(f"{pilot.grip_mass_kg:.2f} kg" for pilot in found.pilots))  # fmt: skip
+    lines.append("")
+    lines.append("task        Kp        Kd        Hz      damping  grip at 3 Hz  stiffness N/m   (mesomorphic pilot)")
+    for name, task in found.tasks.items():
+        lines.append(
+            f"  {name:8s} {task.gains.proportional_gain:8.5f}  {task.gains.derivative_gain:8.5f}  "
+            f"{task.frequency_hz:6.3f}  {task.damping:7.3f}  {task.grip_motion_mm_per_m_s2:12.2f}  "
+            f"{task.grip_stiffness_N_per_m:13.0f}"
+        )
+    if found.sensitivities:
+        lines.append("")
+        lines.append("other body for the mesomorphic pilot      Kp        Kd     ectomorphic prediction Hz")
+        for row in found.sensitivities:
+            lines.append(
+                f"  {row.variable:10s} {row.step:+7.2f} {'':20s} {row.gains.proportional_gain:8.5f}  "
+                f"{row.gains.derivative_gain:8.5f}  {row.predicted_frequency_hz:8.3f}"
+            )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,158 @@
+"""The calibration: shipped gains against Mayo, the order of the tasks, the grip's receptance against closed forms.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pilotgen.calibration import (
+    FITTED,
+    PREDICTED,
+    MeasuredPilot,
+    Subject,
+    calibrate,
+    fit_gains,
+    grip_mass,
+    grip_receptance,
+    grip_stiffness,
+    reference_study,
+    references,
+    reflex_yaml,
+)
+from pilotgen.errors import EvaluationError
+from pilotgen.pipeline import Workbench
+from pilotgen.reflex import calibrated_gains
+from pilotgen.study import MAYO_PRESETS, Reflex, read_study
+
+STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"
+HZ = np.array([0.5, 1.0, 2.0, 3.0])
+
+
+@pytest.fixture(scope="module")
+def bench(mbdae: Path) -> Iterator[Workbench]:
+    with Workbench(reference_study(read_study(STUDY)), mbdae=str(mbdae)) as bench:
+        yield bench
+
+
+@pytest.fixture(scope="module")
+def subject(bench: Workbench) -> Subject:
+    return Subject(bench, references().pilots[FITTED].values)
+
+
+def test_shipped_gains_give_the_mesomorphic_pilot_the_measured_pair(subject: Subject) -> None:
+    frequency, damping = subject.model(calibrated_gains()["position"]).dominant_pair()
+    assert frequency == pytest.approx(3.750, rel=1e-3)
+    assert damping == pytest.approx(0.28, rel=1e-3)
+
+
+def test_the_fit_finds_the_shipped_gains_from_elsewhere(subject: Subject) -> None:
+    found = fit_gains(subject, references().pilots[FITTED].measured, Reflex(1.2, 0.05))
+    shipped = calibrated_gains()["position"]
+    assert found.proportional_gain == pytest.approx(shipped.proportional_gain, abs=1e-6)
+    assert found.derivative_gain == pytest.approx(shipped.derivative_gain, abs=1e-6)
+
+
+def test_a_made_up_target_is_hit_too(subject: Subject) -> None:
+    gains = fit_gains(subject, MeasuredPilot(3.1, 0.35, 0.1))
+    assert subject.model(gains).dominant_pair() == pytest.approx((3.1, 0.35), rel=1e-7)
+
+
+def test_a_target_that_no_reflex_reaches_is_told(subject: Subject) -> None:
+    with pytest.raises(
+        EvaluationError, match=r"no reflex gains between 0 and 50 give the reference pilot 60 Hz and 0.01"
+    ) as caught:
+        fit_gains(subject, MeasuredPilot(60.0, 0.01, 0.1))
+    assert caught.value.stage == "calibration"
+
+
+def test_tasks_differ_as_people_do(subject: Subject) -> None:
+    """Holding a position is stiffest, giving way to a force most compliant; a compliant pilot feels the seat more."""
+    models = {task: subject.model(gains) for task, gains in calibrated_gains().items()}
+    stiffness = {task: grip_stiffness(model) for task, model in models.items()}
+    assert stiffness["relax"] == pytest.approx(stiffness["position"] / 3.0, rel=1e-4)
+    assert stiffness["force"] == pytest.approx(stiffness["position"] / 4.0, rel=1e-4)
+    motion = {task: np.abs(model.grip_motion(2.0 * np.pi * HZ)) for task, model in models.items()}
+    assert np.all(motion["relax"] > 1.5 * motion["position"])
+    assert np.all(motion["force"][:3] > motion["relax"][:3])  # up to 2 Hz; both are beyond their resonance at 3 Hz
+    for model in models.values():
+        assert model.poles.real.max() < 0.0
+        assert model.dominant_pair()[1] > 0.15
+
+
+def test_receptance_is_what_a_force_at_the_grip_does(subject: Subject) -> None:
+    """Against a dense solve of the whole descriptor model, momenta and all."""
+    model = subject.model(calibrated_gains()["position"])
+    plant = model.plant
+    assert plant is not None
+    free = plant.free
+    lever = free.index("lever.gz")
+    row = free.equilibrium_rows[list(free.coordinates).index(lever)]
+    moment = np.zeros(len(free.names), dtype=complex)
+    moment[row] = 0.32  # N m of 1 N at the grip; g = equilibrium - moment
+    for frequency in (0.0, 1.0, 3.75, 12.0):
+        s = 2j * math.pi * frequency
+        answer = np.linalg.solve(s * free.g_ydot + free.g_y, moment)[lever] * 0.32
+        ours = grip_receptance(plant, 0.32, [2.0 * math.pi * frequency])[0]
+        assert ours == pytest.approx(complex(answer) * _sign(plant), rel=1e-8)
+
+
+def _sign(plant: object) -> float:
+    """Sign of the equilibrium rows: + if the residual holds inertia with plus, as the mass matrix of the form."""
+    form, free = plant.form, plant.free  # type: ignore[attr-defined]
+    lever = list(free.coordinates).index(free.index("lever.gz"))
+    return float(np.sign(form.M[lever, lever]))
+
+
+def test_the_grip_resists_like_an_arm(subject: Subject) -> None:
+    model = subject.model(calibrated_gains()["position"])
+    arm = sum(segment.mass_kg for segment in subject.pilot.body.limbs["left"].segments.values())
+    lever = 0.05 / 0.32**2  # kg at the grip, data/cockpit.yaml
+    assert lever < grip_mass(model) < lever + arm
+    assert 300.0 < grip_stiffness(model) < 3000.0
+
+
+def test_stiffer_reflexes_make_a_stiffer_grip(subject: Subject) -> None:
+    stiffness = [grip_stiffness(subject.model(Reflex(Kp, 0.1))) for Kp in (0.5, 1.0, 2.0, 4.0)]
+    assert np.all(np.diff(stiffness) > 0.0)
+
+
+def test_references_are_mayos() -> None:
+    for name in (FITTED, PREDICTED):
+        measured = references().pilots[name].measured
+        assert (measured.frequency_hz, measured.damping, measured.time_constant_s) == tuple(MAYO_PRESETS[name].values())
+
+
+def test_report_and_yaml(bench: Workbench) -> None:
+    from pilotgen.commands.calibrate import report
+
+    found = calibrate(bench, sensitivities=False)
+    text = report(found)
+    assert "mesomorphic" in text and "ectomorphic" in text and "Mayo" in text
+    tasks = yaml.safe_load(reflex_yaml(found))["tasks"]
+    assert list(tasks) == ["position", "relax", "force"]
+    for task, gains in calibrated_gains().items():
+        assert tasks[task] == {
+            "proportional_gain": gains.proportional_gain,
+            "derivative_gain": gains.derivative_gain,
+        }
+    ectomorphic = found.pilots[1]
+    # docs/theory/calibration.md: the damping goes where people's goes, the frequency does not
+    assert ectomorphic.damping > 0.28
+    assert ectomorphic.frequency_hz == pytest.approx(4.15, abs=0.01)
+
+
+def test_too_much_tonic_activity_is_told(mbdae: Path) -> None:
+    """With every muscle active the arm is damped beyond the people: no positive Kd is left."""
+    study = reference_study(read_study(STUDY))
+    tonic = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, activation_floor=0.15))
+    with Workbench(tonic, mbdae=str(mbdae)) as bench, pytest.raises(EvaluationError, match=r"activation_floor"):
+        fit_gains(Subject(bench, references().pilots[FITTED].values), references().pilots[FITTED].measured)
