@@ -48,6 +48,7 @@ vectors = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)
 
 
 @given(vectors)
+@settings(deadline=None)
 def test_rotations_are_scipys(v: np.ndarray) -> None:
     R = rotation(v)
     assert pytest.approx(Rotation.from_rotvec(v).as_matrix(), abs=1e-14) == R
@@ -62,6 +63,7 @@ def test_half_a_turn_has_a_rotation_vector() -> None:
 
 
 @given(vectors, vectors)
+@settings(deadline=None)
 def test_rate_of_the_rotation_vector(v: np.ndarray, w: np.ndarray) -> None:
     h = 1e-6
     ahead, behind = (rotation_vector(rotation(sign * h * w) @ rotation(v)) for sign in (1.0, -1.0))
@@ -102,7 +104,7 @@ def test_a_left_arm_is_a_right_arm_in_the_mirror() -> None:
 
 
 @given(coordinates)
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_coordinates_come_back_and_the_loop_closes(q: np.ndarray) -> None:
     pose = forward(RIGHT, q, TORSO)
     assert joint_coordinates(RIGHT, pose.poses, TORSO) == pytest.approx(q, abs=1e-9)
@@ -114,7 +116,7 @@ def test_coordinates_come_back_and_the_loop_closes(q: np.ndarray) -> None:
 
 
 @given(coordinates)
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 def test_axes_and_arms_are_derivatives(q: np.ndarray) -> None:
     pose = forward(RIGHT, q, TORSO)
     h = 1e-6
