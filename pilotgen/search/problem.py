@@ -11,11 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotgen.margins import GAIN_MARGIN_CAP_DB, PHASE_MARGIN_CAP_DEG
 from pilotgen.study import SearchSettings
 
 # An infinite margin (no crossing) must be comparable: |margin| is capped for ranking, and only for ranking.
-# min |1 + L| <= 1 for every strictly proper loop, and never infinite. The caps are those of pilotgen.margins.
-CAPS: Mapping[str, float] = {"gain_margin_db": 60.0, "phase_margin_deg": 180.0, "modulus_margin": math.inf}
+# min |1 + L| <= 1 for every strictly proper loop, and never infinite.
+CAPS: Mapping[str, float] = {
+    "gain_margin_db": GAIN_MARGIN_CAP_DB,
+    "phase_margin_deg": PHASE_MARGIN_CAP_DEG,
+    "modulus_margin": math.inf,
+}
 
 
 @dataclass(frozen=True, eq=False)
