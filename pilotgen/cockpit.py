@@ -9,7 +9,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -141,6 +141,24 @@ def cockpit_data(cockpit: str | Mapping[str, Any] | None = None) -> CockpitData:
             _check_key(f"cockpit.{section}", key, base[section])
             merged[section][key] = value
     return _checked(merged, "cockpit")
+
+
+def check_cockpit(cockpit: str | Mapping[str, Any] | None, where: Callable[..., str]) -> None:
+    """Check a study's cockpit; `where(*keys)` gives `file:line` of a key of the study, for the message.
+
+    Raises
+    ------
+    StudyError
+        As `cockpit_data` does, with file and line before it.
+    """
+    try:
+        cockpit_data(cockpit)
+    except StudyError as error:
+        sections = cockpit.items() if isinstance(cockpit, Mapping) else ()
+        keys = [(section, key) for section, values in sections if isinstance(values, Mapping) for key in values]
+        message = str(error)
+        told = next((pair for pair in keys if ".".join(pair) in message or repr(pair[1]) in message), ())
+        raise StudyError(f"{where('cockpit', *told)}: {error}") from error
 
 
 def _check_key(where: str, key: str, known: Mapping[str, Any]) -> None:

@@ -28,7 +28,7 @@ from pilotgen import __version__
 from pilotgen.activation import Activations, solve_activations
 from pilotgen.biometrics import Biometrics, biometrics_from
 from pilotgen.body import Body, make_body
-from pilotgen.cockpit import Cockpit, make_cockpit
+from pilotgen.cockpit import Cockpit, check_cockpit, make_cockpit
 from pilotgen.deck import render_direct, render_posture, render_trim
 from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError
 from pilotgen.feedthrough import certificate, make_pilot_model, mayo_pilot
@@ -102,6 +102,7 @@ class Workbench:
         self.study = study
         self.solver = solver
         self.time_limit_s = time_limit_s
+        check_cockpit(study.cockpit, study.where)
         # A missing program is found out before anything is written.
         self.mbdae = find_mbdae(mbdae) if study.pilot.model == "multibody" else None
         self.mbdyn = find_mbdyn(mbdyn) if solver == "mbdyn" else None

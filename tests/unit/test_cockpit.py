@@ -12,7 +12,7 @@ import pytest
 
 from pilotgen.biometrics import Biometrics
 from pilotgen.body import Body, make_body
-from pilotgen.cockpit import cockpit_data, make_cockpit
+from pilotgen.cockpit import check_cockpit, cockpit_data, make_cockpit
 from pilotgen.errors import StudyError
 
 
@@ -115,6 +115,22 @@ def test_changes_to_the_cockpit(mean_man: Body) -> None:
 def test_bad_changes_are_told(mean_man: Body, overrides: object, words: str) -> None:
     with pytest.raises(StudyError, match=words):
         make_cockpit(mean_man, lever_length_m=0.32, position=0.5, overrides=overrides)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("cockpit", "line"),
+    [
+        ({"seat": {"slump_m": 0.01}, "collective": {"grip": [0, 0, 0]}}, "study.yaml:cockpit.collective.grip"),
+        ({"seat": {"slump_m": 0.01, "vertical_travel_m": 65.0}}, "study.yaml:cockpit.seat.vertical_travel_m"),
+        ({"sofa": {}}, "study.yaml:cockpit: cockpit: key 'sofa' is not known"),
+        ("glider", "study.yaml:cockpit: "),
+    ],
+)
+def test_a_study_is_told_which_line_is_wrong(cockpit: object, line: str) -> None:
+    with pytest.raises(StudyError, match=line):
+        check_cockpit(cockpit, lambda *keys: "study.yaml:" + ".".join(keys))  # type: ignore[arg-type]
+    check_cockpit({"seat": {"slump_m": 0.03}}, lambda *keys: "")
+    check_cockpit(None, lambda *keys: "")
 
 
 @pytest.mark.parametrize(
