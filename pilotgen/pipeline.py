@@ -410,6 +410,7 @@ def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -
     The study's settings, every line of code and template and every number of data in this package, and the solver
     program.
     """
+    check_cockpit(study.cockpit, study.where)  # like a missing solver, found out before anything is written
     import pilotgen.deck
 
     digest = hashlib.sha256()
