@@ -44,7 +44,7 @@ def write_study(
     failed: Sequence[int] = (),
     kind: str = "search",
 ) -> StudyResults:
-    """Evaluate pilots that close in on the lower corner of the box and write study.h5; `failed` are rows that failed."""
+    """Evaluate pilots that close in on the lower corner of the box and write study.h5; `failed` rows failed."""
     problem = Problem.from_settings(study.search)
     rng = np.random.default_rng(7)
     rows: list[Row] = []

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 RULE_OF_THUMB = {"gain_margin_db": 6.0, "phase_margin_deg": 60.0}  # paper, section 3: to be robust, at least these
 MARGINS = ("gain_margin_db", "phase_margin_deg")
+NO_PHASE = "modulus_margin"  # drawn where no pilot has a phase margin
 ONE_PLACE = 0.02  # share of the box that a marker covers
 MARKER_AREA = 16.0  # points^2
 PALE_PERCENTILE = 98.0  # of the gain margins of the first population: the pale end of the colours
@@ -41,12 +42,19 @@ class Curve:
     values : ndarray, shape (k,)
         Its values, in the unit of its name.
     margins : mapping of str to ndarray, shape (k,)
-        `gain_margin_db` and `phase_margin_deg`; infinite without crossing, NaN where the pilot could not be evaluated.
+        `gain_margin_db`, `phase_margin_deg` and `modulus_margin`; infinite without crossing, NaN where the pilot could
+        not be evaluated.
     """
 
     name: str
     values: np.ndarray
     margins: Mapping[str, np.ndarray]
+
+
+def shown_margins(results: StudyResults) -> tuple[str, str]:
+    """The two margins to draw: gain and phase, or gain and modulus if no loop of the study reaches |L| = 1."""
+    phase = results.columns[MARGINS[1]]
+    return MARGINS[0], MARGINS[1] if np.isfinite(phase).any() else NO_PHASE
 
 
 class _Colors:
@@ -86,6 +94,10 @@ class _Colors:
         for level, color in ((0.0, BLACK), (RULE_OF_THUMB["gain_margin_db"], VERMILLION)):
             if low < level < high:
                 bar.ax.axhline(level, color=color, linewidth=1.2)
+
+
+def _pilots(count: int) -> str:
+    return "1 pilot" if count == 1 else f"{count} pilots"
 
 
 def _evaluated(results: StudyResults) -> np.ndarray:
@@ -204,7 +216,7 @@ def all_individuals(results: StudyResults, worst: int | None = None) -> Figure:
 
 @style.styled
 def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None = None) -> Figure:
-    """Gain margin against phase margin of every pilot, with the first front of the final population.
+    """Gain margin against phase margin (or modulus margin, see `shown_margins`) of every pilot, with the first front.
 
     Parameters
     ----------
@@ -218,14 +230,15 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
     figure = style.new_figure(4.4, 6.6)
     axes = figure.subplots()
     rows = _evaluated(results)
-    gain, phase = (results.columns[name] for name in MARGINS)
+    names = shown_margins(results)
+    gain, phase = (results.columns[name] for name in names)
     x_scale, y_scale = MarginScale.of(gain[rows]), MarginScale.of(phase[rows])
     colors = _Colors(results)
     colors.scatter(axes, x_scale.place(gain[rows]), y_scale.place(phase[rows]), rows)
     order = front[np.lexsort((phase[front], gain[front]))]
     axes.plot(
         x_scale.place(gain[order]), y_scale.place(phase[order]), "-D", color=VERMILLION, markersize=5,
-        markerfacecolor="none", linewidth=1.0, clip_on=False, zorder=4, label=f"Pareto front ({len(front)} pilots)",
+        markerfacecolor="none", linewidth=1.0, clip_on=False, zorder=4, label=f"Pareto front ({_pilots(len(front))})",
     )  # fmt: skip
     if worst is not None:
         axes.plot(
@@ -234,11 +247,13 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
         )  # fmt: skip
     x_scale.apply(axes, "x")
     y_scale.apply(axes, "y")
-    for which, name in (("x", MARGINS[0]), ("y", MARGINS[1])):
-        style.mark_rule_of_thumb(axes, RULE_OF_THUMB[name], which)
-    axes.plot([], [], color=style.GREEN, linestyle=(0, (5, 3)), linewidth=1.0, label="rule of thumb, 6 dB and 60°")
-    axes.set_xlabel(quantity(MARGINS[0]).axis)
-    axes.set_ylabel(quantity(MARGINS[1]).axis)
+    marked = [
+        style.mark_rule_of_thumb(axes, RULE_OF_THUMB.get(name), which) for which, name in zip("xy", names, strict=True)
+    ]
+    if any(marked):
+        axes.plot([], [], color=style.GREEN, linestyle=(0, (5, 3)), linewidth=1.0, label="rule of thumb, 6 dB and 60°")
+    axes.set_xlabel(quantity(names[0]).axis)
+    axes.set_ylabel(quantity(names[1]).axis)
     axes.legend(loc="lower right")
     colors.bar(figure, axes)
     return figure
@@ -246,8 +261,9 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
 
 @style.styled
 def convergence(results: StudyResults) -> Figure:
-    """Best, median and middle half of the population's objectives, generation by generation."""
-    names = results.objective_names
+    """Smallest, median and middle half of the population's margins, generation by generation."""
+    names = [name for name in results.objective_names if np.isfinite(results.columns[name]).any()]
+    names = names or [shown_margins(results)[1]]
     figure = style.new_figure(2.9, style.PAGE_WIDTH_IN if len(names) > 1 else 5.6)
     panels = figure.subplots(1, len(names), squeeze=False)[0]
     generations = np.arange(1, len(results.members) + 1)
@@ -262,13 +278,12 @@ def convergence(results: StudyResults) -> Figure:
             *scale.broken(generations, history[:, 0]), color=VERMILLION, marker=".", markersize=4, label="smallest"
         )
         scale.apply(axes)
-        if name in RULE_OF_THUMB:
-            style.mark_rule_of_thumb(axes, RULE_OF_THUMB[name])
+        style.mark_rule_of_thumb(axes, RULE_OF_THUMB.get(name))
         axes.set_xlim(0.5, len(generations) + 0.5)
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel("generation")
         axes.set_ylabel(quantity(name).axis)
-    panels[-1].legend(loc="upper right")
+    panels[0].legend(loc="upper right")
     return figure
 
 
@@ -302,7 +317,7 @@ def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | N
     later = np.setdiff1d(rows, start)
     inputs = results.columns["inputs"]
     by_name = {curve.name: curve for curve in curves}
-    for line, margin_name in zip(panels, MARGINS, strict=True):
+    for line, margin_name in zip(panels, shown_margins(results), strict=True):
         margin = results.columns[margin_name]
         scale = MarginScale.of(margin[rows], *(curve.margins[margin_name] for curve in curves))
         for j, (axes, name) in enumerate(zip(line, results.names, strict=True)):
@@ -329,7 +344,7 @@ def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | N
             style.variable_limits(axes, "x", results.lower[j], results.upper[j])
         for axes in line:
             scale.apply(axes)
-            style.mark_rule_of_thumb(axes, RULE_OF_THUMB[margin_name])
+            style.mark_rule_of_thumb(axes, RULE_OF_THUMB.get(margin_name))
         line[0].set_ylabel(quantity(margin_name).axis)
     for axes, name in zip(panels[-1], results.names, strict=True):
         axes.set_xlabel(quantity(name).axis)

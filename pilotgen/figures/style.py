@@ -72,8 +72,8 @@ class Quantity:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def text(self, value: float) -> str:
-        """`stature 1.78 m`."""
-        return f"{self.name} {value:.3g}" + (f" {self.unit}" if self.unit else "")
+        """`stature 1.775 m`."""
+        return f"{self.name} {value:.4g}" + (f" {self.unit}" if self.unit else "")
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -125,8 +125,8 @@ def png(figure: Figure) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     buffer = io.BytesIO()
-    # the canvas itself draws once where Figure.savefig draws twice
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+    canvas: Any = FigureCanvasAgg(figure)  # untyped; it draws once where Figure.savefig draws twice
+    canvas.print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
 
 
@@ -228,14 +228,20 @@ class MarginScale:
         axis.set_ticks(ticks, labels)
 
 
-def mark_rule_of_thumb(axes: Axes, value: float, which: str = "y") -> None:
-    """A thin dashed line at a margin one wants to have, and a solid one at zero, the limit of stability."""
+def mark_rule_of_thumb(axes: Axes, value: float | None, which: str = "y") -> bool:
+    """A thin dashed line at a margin one wants to have, and a solid one at zero, the limit of stability.
+
+    Returns whether the dashed line was drawn: there is a value, and it lies within the axis.
+    """
     line = axes.axhline if which == "y" else axes.axvline
     limits = axes.get_ylim() if which == "y" else axes.get_xlim()
-    if limits[0] < value < limits[1]:
+    marked = False
+    if value is not None and limits[0] < value < limits[1]:
         line(value, color=GREEN, linestyle=(0, (5, 3)), linewidth=1.0, zorder=1)
+        marked = True
     if limits[0] < 0.0 < limits[1]:
         line(0.0, color=BLACK, linewidth=0.9, zorder=1)
+    return marked
 
 
 def frequency_axis(axes: Axes, low_hz: float, high_hz: float, label: bool = True) -> None:

@@ -22,6 +22,7 @@ from pilotgen.search.problem import CAPS
 
 SAME_PILOT = 0.01  # share of the box: pilots that differ by less in every variable count as one
 AT_BOUND = 0.01  # share of the box: this near a bound is at the bound
+TELLING = 0.1  # dB, deg: a difference between margins worth telling
 CLEAR_TREND, WEAK_TREND = 0.5, 0.2  # rank correlations called clear, and not worth a word
 
 
@@ -183,6 +184,33 @@ def bounds_met(results: StudyResults, worst: int, front: np.ndarray) -> list[Bou
     return found
 
 
+def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve]) -> list[str]:
+    """Where a curve through the worst pilot finds a worse one: the search has not come to its end.
+
+    Worse: neither margin is larger, and one is smaller by at least `TELLING`. Nothing is said if the study minimises
+    something else than these margins.
+    """
+    if not set(MARGINS) <= set(results.objective_names):
+        return []
+    own = np.array([[np.clip(results.columns[name][worst], -CAPS[name], CAPS[name])] for name in MARGINS])
+    sentences = []
+    for curve in curves:
+        capped = np.stack([np.clip(curve.margins[name], -CAPS[name], CAPS[name]) for name in MARGINS])
+        loss = np.nan_to_num(own - capped, nan=-1.0)  # (2, k); positive where the pilot on the curve is worse
+        largest = np.where((loss >= 0.0).all(axis=0), loss.max(axis=0), 0.0)
+        k = int(np.argmax(largest))
+        if largest[k] >= TELLING:
+            found = ", ".join(
+                f"{quantity(name).name} {margin_words(name, float(curve.margins[name][k]), math.nan)}"
+                for name in MARGINS
+            )
+            sentences.append(
+                f"The search has not come to its end: with {quantity(curve.name).text(float(curve.values[k]))} "
+                f"instead, the worst pilot has {found}. More generations or a larger population would find them."
+            )
+    return sentences
+
+
 @dataclass(frozen=True)
 class Trend:
     """How the margins of the first population go with one variable: rank correlations, NaN if they cannot be told."""
@@ -201,6 +229,16 @@ class Trend:
             return f"Over the whole box the gain margin hardly follows the {label}."
         how = "clearly" if abs(value) >= CLEAR_TREND else "somewhat"
         return f"Over the whole box the gain margin {'rises' if value > 0.0 else 'falls'} {how} with rising {label}."
+
+    @property
+    def numbers(self) -> str:
+        """`Rank correlation with the gain margin 0.58, with the phase margin 0.56.`, as far as there is one."""
+        told = [
+            f"with the {quantity(name).name} {number(value, 2)}"
+            for name, value in self.correlation.items()
+            if not math.isnan(value)
+        ]
+        return f"Rank correlation {', '.join(told)}." if told else ""
 
 
 def trends(results: StudyResults) -> list[Trend]:

@@ -96,6 +96,8 @@ def render(
             "nominal": _nominal_sentence(study, repeated),
             "rule": findings.rule_of_thumb(results, worst),
             "bounds": [bound.sentence for bound in findings.bounds_met(results, worst, front)],
+            "unfinished": findings.worse_on_curves(results, worst, repeated.curves) if repeated else [],
+            "no_phase": study_figures.shown_margins(results) != study_figures.MARGINS,
             "trends": [
                 (trend, findings.curve_sentence(curve) if curve else "")
                 for trend, curve in zip(
@@ -134,19 +136,12 @@ def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Re
         "plane": _picture(
             study_figures.objective_plane(results, front, worst),
             "gain margin against phase margin of every pilot, with the Pareto front",
-            "Gain against phase margin. “none”: the loop has no such crossing and the margin is infinite. "
-            "Negative margins: the closed loop is unstable.",
+            _plane_caption(results),
         ),
         "curves": _picture(
             study_figures.margin_curves(results, repeated.curves if repeated else (), worst),
             "gain and phase margin of every pilot against each searched variable",
-            "Margins against each variable. Blue: the first population, which covers the box evenly; grey: later "
-            "pilots, which the search drew from where margins are small"
-            + (
-                "; orange: the worst pilot with this one variable changed, all others held."
-                if repeated and repeated.curves
-                else "."
-            ),
+            _curves_caption(bool(len(results.members)), repeated is not None),
         ),
     }
     if len(results.members):
@@ -180,6 +175,30 @@ def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Re
                 "Biodynamic feedthrough (motion of the collective grip per seat acceleration, with washout) and loop.",
             )
     return pictures
+
+
+def _plane_caption(results: StudyResults) -> str:
+    if study_figures.shown_margins(results) != study_figures.MARGINS:
+        return (
+            "Gain against modulus margin (the smallest distance of L from −1). The phase margin is infinite for every "
+            "pilot of this study: |L| never reaches 1."
+        )
+    return (
+        "Gain against phase margin. “none”: the loop has no such crossing and the margin is infinite. "
+        "Negative margins: the closed loop is unstable."
+    )
+
+
+def _curves_caption(is_search: bool, with_curves: bool) -> str:
+    dots = (
+        "Blue: the first population, which covers the box evenly; grey: later pilots, which the search drew from where "
+        "margins are small"
+        if is_search
+        else "Grey: the pilots of the sample"
+    )
+    return f"Margins against each variable. {dots}" + (
+        "; orange: the worst pilot with this one variable changed, all others held." if with_curves else "."
+    )
 
 
 # ---- tables and sentences

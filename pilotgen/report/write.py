@@ -15,7 +15,7 @@ import numpy as np
 
 from pilotgen.campaign import RESULTS_NAME
 from pilotgen.errors import FileError
-from pilotgen.figures.study import MARGINS, Curve
+from pilotgen.figures.study import MARGINS, NO_PHASE, Curve
 from pilotgen.pipeline import Evaluation, FailedEvaluation, Workbench, evaluate
 from pilotgen.report import decks, findings, page
 from pilotgen.results import StudyResults, read_results
@@ -119,12 +119,13 @@ def one_at_a_time(
     """Margins of pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
     name = results.names[column]
     grid = np.unique(np.append(np.linspace(results.lower[column], results.upper[column], points), values[name]))
-    margins = np.full((len(MARGINS), len(grid)), np.nan)
+    names = (*MARGINS, NO_PHASE)
+    margins = np.full((len(names), len(grid)), np.nan)
     for k, value in enumerate(grid.tolist()):
         outcome = evaluate(bench, bench.study.values({**values, name: value}))
         if isinstance(outcome, Evaluation):
-            margins[:, k] = [getattr(outcome.margins, margin) for margin in MARGINS]
-    return Curve(name, grid, dict(zip(MARGINS, margins, strict=True)))
+            margins[:, k] = [getattr(outcome.margins, margin) for margin in names]
+    return Curve(name, grid, dict(zip(names, margins, strict=True)))
 
 
 def _write_text(path: Path, text: str) -> None:
