@@ -17,7 +17,7 @@ constexpr std::size_t kMostCharacters = std::size_t{256} << 20;  // of a deck wi
 constexpr std::size_t kLongestKeyword = 64;
 
 void append_lower(std::string_view word, std::string* text) {
-  for (const char c : word) *text += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const char c : word) *text += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
 }  // namespace
@@ -41,15 +41,14 @@ void Input::next_token() {
   words_known_ = false;
 }
 
-bool Input::scan_words(std::string* text) {
-  const Token& first = tokens().peek();
-  if (first.kind != TokenKind::word) return false;
+bool Input::scan_words(std::string* text, std::string* written) {
+  Token token = tokens().peek();
+  if (token.kind != TokenKind::word) return false;
   text->clear();
-  append_lower(first.text, text);
   Lexer lexer = tokens().ahead();
-  Token token = lexer.next();
   while (token.kind == TokenKind::word && text->size() <= kLongestKeyword) {
     append_lower(token.text, text);
+    if (written != nullptr) written->append(written->empty() ? "" : " ").append(token.text);
     token = lexer.next();
   }
   return token.is(",") || token.is(";") || token.is(":") || token.kind == TokenKind::end;
@@ -69,9 +68,9 @@ std::optional<Words> Input::next_card() {
       next_token();
       continue;
     }
-    std::string text;
     if (token.kind != TokenKind::word) fail(token.where, "found " + described(token) + ", expected a card");
-    scan_words(&text);
+    std::string text, written;
+    scan_words(&text, &written);
     while (tokens().peek().kind == TokenKind::word) next_token();
     card_has_arguments_ = tokens().peek().is(":");
     after_comma_ = false;
@@ -79,9 +78,9 @@ std::optional<Words> Input::next_card() {
       next_token();
     } else if (!tokens().peek().is(";")) {
       fail(tokens().peek().where,
-           "found " + described(tokens().peek()) + " after the card name " + quoted(text) + ", expected `:` or `;`");
+           "found " + described(tokens().peek()) + " after the card name " + quoted(written) + ", expected `:` or `;`");
     }
-    return Words{text, token.where};
+    return Words{text, written, token.where};
   }
 }
 
@@ -94,7 +93,16 @@ bool Input::more() {
 void Input::end_card() {
   const Token token = tokens().peek();
   if (after_comma_ && token.is(";")) fail(token.where, "found `;` after a comma, expected another argument");
-  if (!token.is(";")) fail(token.where, "found " + described(token) + ", expected `;`");
+  if (!token.is(";")) {
+    // Options that end cards, in case one of them was meant.
+    static constexpr const char* kOptions[] = {"output", "orientation description", "inverse dynamics", "initial state",
+                                               "initial theta", "prestress", "prestrain", "position", "orientation", "scale",
+                                               "position constraint", "orientation constraint", "reflexive", "ergonomy",
+                                               "activation check", "short range stiffness"};
+    const std::optional<Words> words = peek_words();
+    fail(token.where, "found " + (words ? quoted(words->written) : described(token)) + ", expected `;`" +
+                          (words ? suggestion(words->text, kOptions) : ""));
+  }
   next_token();
 }
 
@@ -127,7 +135,7 @@ void Input::skip_card() {
 void Input::ignore_arguments() {
   while (more()) {
     if (take_empty() || take_string()) continue;
-    if (peek_words()) {
+    if (at_words()) {
       while (tokens().peek().kind == TokenKind::word) next_token();
       end_argument();
     } else {
@@ -205,9 +213,7 @@ void Input::end_argument() {
   }
 }
 
-void Input::need(const std::string& what) {
-  if (!more()) fail(where(), "the card ends here, expected " + what);
-}
+void Input::missing(const std::string& what) { fail(where(), "the card ends here, expected " + what); }
 
 bool Input::take_empty() {
   if (!tokens().peek().is(",")) return false;
@@ -215,21 +221,23 @@ bool Input::take_empty() {
   return true;
 }
 
-std::optional<Words> Input::peek_words() {
+bool Input::at_words() {
   if (!words_known_) {
     words_found_ = scan_words(&words_);
     words_known_ = true;
   }
-  if (!words_found_) return std::nullopt;
-  return Words{words_, where()};
+  return words_found_;
+}
+
+std::optional<Words> Input::peek_words() {
+  if (!at_words()) return std::nullopt;
+  Words words{{}, {}, where()};
+  scan_words(&words.text, &words.written);
+  return words;
 }
 
 bool Input::take(std::string_view keyword) {
-  if (!words_known_) {
-    words_found_ = scan_words(&words_);
-    words_known_ = true;
-  }
-  if (!words_found_ || !same_words(words_, keyword)) return false;
+  if (!at_words() || !same_words(words_, keyword)) return false;
   while (tokens().peek().kind == TokenKind::word) tokens().take();
   end_argument();
   return true;
@@ -243,23 +251,23 @@ int Input::take_any(Choices choices) {
 }
 
 int Input::keyword(Choices choices, const char* what) {
-  need(std::string("a ") + what + ": " + joined(choices));
+  need([&] { return std::string("a ") + what + ": " + joined(choices); });
   const int found = take_any(choices);
   if (found >= 0) return found;
   const std::optional<Words> words = peek_words();
   const Token& token = tokens().peek();
   if (!words) fail(token.where, "found " + described(token) + ", expected a " + what + ": " + joined(choices));
-  fail(token.where, std::string("unknown ") + what + " " + quoted(words->text) + ", expected: " + joined(choices) +
+  fail(token.where, std::string("unknown ") + what + " " + quoted(words->written) + ", expected: " + joined(choices) +
                         suggestion(words->text, choices));
 }
 
 void Input::require(const char* keyword) {
-  need(quoted(keyword));
+  need([&] { return quoted(keyword); });
   if (take(keyword)) return;
   const Token& token = tokens().peek();
   const std::optional<Words> words = peek_words();
   const char* const choices[] = {keyword};
-  fail(token.where, "found " + (words ? quoted(words->text) : described(token)) + ", expected " + quoted(keyword) +
+  fail(token.where, "found " + (words ? quoted(words->written) : described(token)) + ", expected " + quoted(keyword) +
                         (words ? suggestion(words->text, choices) : ""));
 }
 
@@ -279,7 +287,7 @@ Value<double> Input::expression(const char* what, Label* label) {
       // A word nobody knows, alone or in a row: more likely a keyword out of place than a variable.
       const std::optional<Words> words = peek_words();
       if (words && words->text.size() != first.text.size()) {
-        fail(first.where, "found " + quoted(words->text) + ", expected " + what);
+        fail(first.where, "found " + quoted(words->written) + ", expected " + what);
       }
     }
     parser.parse_expression();
@@ -377,7 +385,11 @@ std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double 
   Diagnostics inner;  // positions inside the string mean nothing to the reader: tell the string's own
   TokenStream stream(Lexer(text, 0, false));
   Expression expression;
-  const auto complaint = [&](const SourcePosition& where, const std::string& message) {
+  const auto complaint = [&](const SourcePosition& where, std::string message) {
+    static const std::string kFile = "the end of the file";
+    if (const std::size_t at = message.find(kFile); at != std::string::npos) {
+      message.replace(at, kFile.size(), "the end of the string");
+    }
     fail(token.where,
          "in the string, at character " + std::to_string(where.column) + " (blanks not counted): " + message);
   };

@@ -22,6 +22,7 @@ namespace mbdae::reading {
 /// A run of words in lower case without blanks, as keywords are compared.
 struct Words {
   std::string text;
+  std::string written;  ///< as written, with single blanks (only of cards and by `peek_words`)
   SourcePosition where;
   bool is(std::string_view keyword) const { return same_words(text, keyword); }
 };
@@ -74,12 +75,23 @@ class Input {
   int keyword(Choices choices, const char* what);
   /// The argument as plain words, without taking it; nullopt if it is something else.
   std::optional<Words> peek_words();
+  /// True if `peek_words` has something to give.
+  bool at_words();
   /// The first token of the argument.
   std::string_view peek_text() { return tokens().peek().text; }
   /// The argument must be this keyword.
   void require(const char* keyword);
   /// Stops unless there is another argument.
-  void need(const std::string& what);
+  void need(const char* what) {
+    if (!more()) missing(what);
+  }
+  /// The same with a text that is only made when it is needed.
+  template <class Text>
+  void need(const Text& text)
+    requires requires { std::string(text()); }
+  {
+    if (!more()) missing(text());
+  }
 
   double real(const char* what);
   double positive(const char* what);
@@ -112,7 +124,8 @@ class Input {
 
   TokenStream& tokens() { return sources_.back()->tokens; }
   void push(std::string text, const std::string& name, std::string canonical);
-  bool scan_words(std::string* text);
+  bool scan_words(std::string* text, std::string* written = nullptr);
+  [[noreturn]] void missing(const std::string& what);
   void end_argument();
   void next_token();
   /// Evaluates the expression at the argument.

@@ -70,7 +70,7 @@ Mass condensed(Context& context, const Frame& node) {
   std::vector<Mass> lumps;
   Mass total;
   for (std::int64_t i = 0; i < count; ++i) {
-    input.need("mass " + std::to_string(i + 1) + " of " + std::to_string(count));
+    input.need([&] { return "mass " + std::to_string(i + 1) + " of " + std::to_string(count); });
     lumps.push_back(read_mass(context, node));
     total.m += lumps.back().m;
     total.d += lumps.back().m * lumps.back().d;
@@ -145,7 +145,7 @@ void read_force(Context& context, bool couple) {
   ForceData force;
   force.id = identity(label, couple ? "couple" : "force");
   force.couple = couple;
-  input.need("a force type: " + joined(kFrames));
+  input.need([&] { return "a force type: " + joined(kFrames); });
   if (const auto words = input.peek_words()) {
     for (const char* other : kOthers) {
       if (words->is(other)) input.fail(words->where, std::string("not supported: the force type `") + other + "`");

@@ -107,14 +107,14 @@ void read_control_data_card(Context& context, const Words& card) {
     input.ignore_arguments();
   } else if (listed(card, kOtherCounts)) {
     if (input.integer("a number of entities") != 0) {
-      input.fail(card.where, "not supported: " + quoted(card.text) + " (only 0 of them)");
+      input.fail(card.where, "not supported: " + quoted(card.written) + " (only 0 of them)");
     }
   } else if (card.is("rigid body kinematics")) {
     input.fail(card.where, "not supported: the card `rigid body kinematics`");
   } else {
     std::vector<const char*> choices(std::begin(kKnown), std::end(kKnown));
     choices.insert(choices.end(), std::begin(kWithoutEffect), std::end(kWithoutEffect));
-    input.fail(card.where, "unknown card " + quoted(card.text) + " in the control data block, expected: " +
+    input.fail(card.where, "unknown card " + quoted(card.written) + " in the control data block, expected: " +
                                joined(choices) + suggestion(card.text, choices));
   }
   input.end_card();

@@ -115,7 +115,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 
 std::string suggestion(std::string_view words, Choices choices) {
   constexpr std::size_t kLongest = 64;
-  if (words.empty() || words.size() > kLongest) return "";
+  if (words.size() < 3 || words.size() > kLongest) return "";  // too short to tell, too long to mean one
   std::string lower(words);
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   const char* best = nullptr;

@@ -115,7 +115,7 @@ DrivePtr read_array(Context& context, int depth) {
   if (count < 1) input.fail(where, "found " + std::to_string(count) + " drives, expected 1 or more");
   std::vector<DrivePtr> drives;
   for (std::int64_t i = 0; i < count; ++i) {
-    input.need("drive " + std::to_string(i + 1) + " of " + std::to_string(count));
+    input.need([&] { return "drive " + std::to_string(i + 1) + " of " + std::to_string(count); });
     drives.push_back(read(context, depth + 1));
   }
   return std::make_shared<const SumDrive>(std::move(drives));
@@ -126,7 +126,7 @@ DrivePtr read(Context& context, int depth) {
   const SourcePosition where = input.where();
   if (depth > kDeepestDrive)
     input.fail(where, "drives nested deeper than " + std::to_string(kDeepestDrive) + " levels");
-  input.need("a drive: " + joined(kDrives) + ", or a number");
+  input.need([&] { return "a drive: " + joined(kDrives) + ", or a number"; });
   switch (input.take_any(kDrives)) {
     case kConst:
       return constant(input.real("the value of the drive"));
@@ -168,7 +168,7 @@ DrivePtr read(Context& context, int depth) {
     for (const char* other : kOtherDrives) {
       if (words->is(other)) input.fail(where, std::string("not supported: the drive `") + other + "`");
     }
-    input.fail(where, "unknown drive " + quoted(words->text) + ", expected: " + joined(kDrives) + ", or a number" +
+    input.fail(where, "unknown drive " + quoted(words->written) + ", expected: " + joined(kDrives) + ", or a number" +
                           suggestion(words->text, kDrives));
   }
   return constant(input.real("a drive or a number"));
@@ -207,7 +207,7 @@ void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>*
   if (input.take("null")) return;
   if (input.take("component")) {
     for (int i = 0; i < N; ++i) {
-      input.need("drive " + std::to_string(i + 1) + " of " + std::to_string(N));
+      input.need([&] { return "drive " + std::to_string(i + 1) + " of " + std::to_string(N); });
       if (input.take("inactive")) continue;
       out->terms.push_back({Vector<N>::Unit(i), read(context, depth + 1)});
     }
@@ -218,7 +218,7 @@ void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>*
     const std::int64_t count = input.integer("the number of vector drives");
     if (count < 1) input.fail(count_where, "found " + std::to_string(count) + " drives, expected 1 or more");
     for (std::int64_t i = 0; i < count; ++i) {
-      input.need("vector drive " + std::to_string(i + 1) + " of " + std::to_string(count));
+      input.need([&] { return "vector drive " + std::to_string(i + 1) + " of " + std::to_string(count); });
       read_terms(context, place, depth + 1, out);
     }
     return;

@@ -143,8 +143,12 @@ int ExpressionParser::statement(int depth) {
   if (token.kind != TokenKind::word) return assignment(depth);
   // A declaration starts with modifiers and a type, followed by a name: two words in a row.
   const bool modifier = token.text == "const" || token.text == "ifndef";
-  if (!modifier && !type_word(token.text)) return assignment(depth);
   if (tokens_.ahead().next().kind != TokenKind::word) return assignment(depth);
+  if (!modifier && !type_word(token.text)) {
+    static constexpr const char* kTypes[] = {"bool", "integer", "real", "string", "const", "ifndef"};
+    diagnostics_.fail(token.where, "found " + quoted(token.text) + ", expected a type: bool, integer, real, string" +
+                                       suggestion(token.text, kTypes));
+  }
 
   ExpressionNode node;
   node.op = Op::declare;
@@ -222,7 +226,7 @@ int ExpressionParser::binary(int level, int depth) {
   int left = binary(level + 1, depth);
   while (true) {
     const Token& token = tokens_.peek();
-    if (token.kind != TokenKind::symbol) return left;
+    if (token.kind != TokenKind::symbol || token.is(",") || token.is(";")) return left;
     const BinaryOperator* found = nullptr;
     for (const BinaryOperator& candidate : kBinary) {
       if (candidate.level == level && token.text == candidate.symbol) found = &candidate;

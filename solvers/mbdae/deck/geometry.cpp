@@ -141,7 +141,7 @@ FrameChoice read_frame_choice(Context& context, const Place& place) {
       choice.kind = FrameKind::label;
       const auto words = input.peek_words();
       if (words && !input.symbols().find(input.peek_text())) {
-        input.fail(choice.where, "unknown frame " + quoted(words->text) + ", expected: " + joined(kFrames) +
+        input.fail(choice.where, "unknown frame " + quoted(words->written) + ", expected: " + joined(kFrames) +
                                      " or the label of a reference" + suggestion(words->text, kFrames));
       }
       choice.frame = context.references.get(input, input.label("the label of a reference"));
@@ -281,7 +281,7 @@ Mat3 read_orientation(Input& input) {
       break;
   }
   if (const auto words = input.peek_words(); words && !input.symbols().find(input.peek_text())) {
-    input.fail(where, "unknown orientation " + quoted(words->text) +
+    input.fail(where, "unknown orientation " + quoted(words->written) +
                           ", expected: eye, matr, euler123, euler313, euler321, vector, or two vectors" +
                           suggestion(words->text, kForms));
   }

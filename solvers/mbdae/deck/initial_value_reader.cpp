@@ -84,7 +84,7 @@ void read_method(Context& context) {
                                              "hybrid"};
   Input& input = context.input;
   InitialValueData& data = context.deck.initial_value;
-  input.need("a method: " + joined(kMethods));
+  input.need([&] { return "a method: " + joined(kMethods); });
   const int method = input.keyword(kMethods, "method");
   data.method_text = kMethods[method];
   switch (method) {
@@ -212,7 +212,7 @@ void read_eigenanalysis(Context& context) {
     if (count < 1) input.fail(where, "found " + std::to_string(count) + " times, expected 1 or more");
   }
   for (std::int64_t i = 0; i < count; ++i) {
-    input.need("time " + std::to_string(i + 1) + " of " + std::to_string(count));
+    input.need([&] { return "time " + std::to_string(i + 1) + " of " + std::to_string(count); });
     const SourcePosition where = input.where();
     const double time = input.real("a time [s]");
     if (!data.times.empty() && !(time > data.times.back())) {
@@ -232,7 +232,7 @@ void read_data_card(Context& context, const Words& card) {
   static constexpr const char* kDataCards[] = {"problem"};
   Input& input = context.input;
   if (!card.is("problem")) {
-    input.fail(card.where, "unknown card " + quoted(card.text) + " in the data block, expected: problem, end: data" +
+    input.fail(card.where, "unknown card " + quoted(card.written) + " in the data block, expected: problem, end: data" +
                                suggestion(card.text, kDataCards));
   }
   const SourcePosition where = input.where();
@@ -253,7 +253,7 @@ void read_initial_value_card(Context& context, const Words& card) {
     for (const char* other : kOtherCards) {
       if (card.is(other)) input.fail(card.where, std::string("not supported: the card `") + other + "`");
     }
-    input.fail(card.where, "unknown card " + quoted(card.text) + " in the initial value block, expected: " +
+    input.fail(card.where, "unknown card " + quoted(card.written) + " in the initial value block, expected: " +
                                joined(kCards) + suggestion(card.text, kCards));
   }
   context.initial_value_cards |= 1U << kind;

@@ -197,7 +197,7 @@ std::array<TotalComponent, 3> read_components(Input& input, bool rotation) {
   const Choices choices = rotation ? Choices(kRotation) : Choices(kPosition);
   std::array<TotalComponent, 3> out{};
   for (TotalComponent& component : out) {
-    input.need("the state of a component: " + joined(choices) + ", 0 or 1");
+    input.need([&] { return "the state of a component: " + joined(choices) + ", 0 or 1"; });
     const auto words = input.peek_words();
     const bool constant = !words || input.symbols().find(input.peek_text());
     const int state = input.take_any(choices);
@@ -381,7 +381,7 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
 int joint_type(Input& input) {
   const char* names[std::size(kJoints)];
   for (std::size_t i = 0; i < std::size(kJoints); ++i) names[i] = kJoints[i].name;
-  input.need("a joint type: " + joined(names));
+  input.need([&] { return "a joint type: " + joined(names); });
   const int type = input.take_any(names);
   if (type >= 0) return type;
   if (const auto words = input.peek_words()) {

@@ -167,7 +167,10 @@ LinearLaw<N> read_linear(Context& context, int kind) {
       law.K =
           generic ? read_generic<N>(input, "an element of the stiffness") : read_isotropic<N>(input, "the stiffness");
       input.need("the damping, or `proportional` and a factor");
-      if (input.take("proportional")) {
+      if (!generic && input.at_words() && !input.symbols().find(input.peek_text())) {
+        input.require("proportional");
+        law.C = law.K * input.real("the factor of proportional damping");
+      } else if (input.take("proportional")) {
         law.C = law.K * input.real("the factor of proportional damping");
       } else {
         law.C = generic ? read_generic<N>(input, "an element of the damping") : read_isotropic<N>(input, "the damping");
@@ -192,7 +195,7 @@ CubicLaw<N> read_cubic(Context& context, bool viscous) {
 
 /// The kind of law, or a message that names it.
 int read_kind(Input& input) {
-  input.need("a constitutive law: " + joined(kLaws));
+  input.need([&] { return "a constitutive law: " + joined(kLaws); });
   const int kind = input.take_any(kLaws);
   if (kind >= 0) return kind;
   if (const auto words = input.peek_words()) {

@@ -8,12 +8,27 @@
 namespace mbdae::reading {
 namespace {
 
-bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
-bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\f' || c == '\v'; }
+enum CharacterClass : unsigned char { kLetter = 1, kDigit = 2, kBlank = 4, kSymbol = 8, kPair = 16 };
+
+/// Classes of the 256 bytes; kPair: may begin a symbol of two characters.
+constexpr std::array<unsigned char, 256> kClasses = [] {
+  std::array<unsigned char, 256> table{};
+  for (int c = 'a'; c <= 'z'; ++c) table[static_cast<std::size_t>(c)] = kLetter;
+  for (int c = 'A'; c <= 'Z'; ++c) table[static_cast<std::size_t>(c)] = kLetter;
+  table['_'] = kLetter;
+  for (int c = '0'; c <= '9'; ++c) table[static_cast<std::size_t>(c)] = kDigit;
+  for (const char c : std::string_view(" \t\n\r\f\v")) table[static_cast<unsigned char>(c)] = kBlank;
+  for (const char c : std::string_view(",;:()+-*/%^!=<>")) table[static_cast<unsigned char>(c)] = kSymbol;
+  for (const char c : std::string_view(":=!<>&|~")) table[static_cast<unsigned char>(c)] |= kPair;
+  return table;
+}();
+
+bool has_class(char c, unsigned classes) { return (kClasses[static_cast<unsigned char>(c)] & classes) != 0; }
+bool is_letter(char c) { return has_class(c, kLetter); }
+bool is_digit(char c) { return has_class(c, kDigit); }
+bool is_blank(char c) { return has_class(c, kBlank); }
 
 constexpr std::array<std::string_view, 8> kDoubleSymbols = {"::", "==", "!=", "<=", ">=", "&&", "||", "~|"};
-constexpr std::string_view kSymbols = ",;:()+-*/%^!=<>";
 
 }  // namespace
 
@@ -85,20 +100,21 @@ Token Lexer::next() {
   const char c = text_[position_];
   const char d = position_ + 1 < text_.size() ? text_[position_ + 1] : '\0';
   if (is_letter(c)) {
-    while (position_ < text_.size() && (is_letter(text_[position_]) || is_digit(text_[position_]))) ++position_;
+    while (position_ < text_.size() && (has_class(text_[position_], kLetter | kDigit))) ++position_;
     return make(TokenKind::word, begin, where);
   }
   if (is_digit(c) || (c == '.' && is_digit(d))) return number(where);
   if (c == '"') return string(where);
-  const std::string_view two = text_.substr(position_, 2);
-  for (const std::string_view symbol : kDoubleSymbols) {
-    if (two == symbol) {
+  if (has_class(c, kPair)) {
+    const std::string_view two = text_.substr(position_, 2);
+    for (const std::string_view symbol : kDoubleSymbols) {
+      if (two != symbol) continue;
       position_ += 2;
       return make(TokenKind::symbol, begin, where);
     }
   }
   ++position_;
-  if (kSymbols.find(c) != std::string_view::npos) return make(TokenKind::symbol, begin, where);
+  if (has_class(c, kSymbol)) return make(TokenKind::symbol, begin, where);
   // One message for a run of foreign bytes (a UTF-8 letter, say).
   while (position_ < text_.size() && (static_cast<unsigned char>(text_[position_]) & 0xc0) == 0x80) ++position_;
   return {TokenKind::symbol, text_.substr(begin, position_ - begin), where};
@@ -126,7 +142,7 @@ Token Lexer::number(const SourcePosition& where) {
     }
   }
   if (position_ < text_.size() && is_letter(text_[position_])) {
-    while (position_ < text_.size() && (is_letter(text_[position_]) || is_digit(text_[position_]))) ++position_;
+    while (position_ < text_.size() && (has_class(text_[position_], kLetter | kDigit))) ++position_;
     return {TokenKind::bad, "a number run into letters", where};
   }
   return make(real ? TokenKind::real : TokenKind::integer, begin, where);

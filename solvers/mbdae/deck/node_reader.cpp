@@ -76,7 +76,7 @@ void read_structural(Context& context) {
     input.fail(label.where, "node " + std::to_string(label.value) + " is defined already, as a dummy node");
   }
   context.nodes.announce(input, label);
-  input.need("a node type: " + joined(kKinds));
+  input.need([&] { return "a node type: " + joined(kKinds); });
   if (const auto words = input.peek_words()) {
     for (const char* other : kOthers) {
       if (words->is(other)) input.fail(words->where, std::string("not supported: the node type `") + other + "`");

@@ -112,7 +112,7 @@ class Reader {
     if (!reference && !drive && !law && !module) return false;
     if (done_ <= kInitialValue && block_ != kControlData && !module) {
       input.fail(card.where,
-                 "the card " + quoted(card.text) + " comes too early, expected after `begin: control data;`");
+                 "the card " + quoted(card.written) + " comes too early, expected after `begin: control data;`");
     }
     if (reference) {
       read_reference(context_);
@@ -175,13 +175,13 @@ class Reader {
     }
     std::string hint = suggestion(card.text, near);
     if (hint.empty()) hint = suggestion(card.text, kEverywhere);
-    context_.input.fail(card.where, "unknown card " + quoted(card.text) + ", " + expected + hint);
+    context_.input.fail(card.where, "unknown card " + quoted(card.written) + ", " + expected + hint);
   }
 
   void begin_block() {
     Input& input = context_.input;
     const SourcePosition where = input.where();
-    input.need("the name of a block: " + joined(kBlocks));
+    input.need([&] { return "the name of a block: " + joined(kBlocks); });
     const auto words = input.peek_words();
     if (words && words->is("inverse dynamics")) input.fail(where, "not supported: the block `inverse dynamics`");
     for (const char* other : {"drivers", "output", "parallel"}) {
