@@ -172,9 +172,9 @@ TEST_CASE("strings are joined and formatted") {
   CHECK(evaluate("sprintf(\"%03d%%\", 7)").value.text == "007%");
   CHECK(evaluate("sprintf(\"x = %.2f m\", 1.234)").value.text == "x = 1.23 m");
   CHECK(evaluate("sprintf(\"<%s>\", \"a\")").value.text == "<a>");
-  check_problem("sprintf(\"%s\", 1)", "sprintf cannot write a integer as `%s`");
+  check_problem("sprintf(\"%s\", 1)", "sprintf cannot write a value of type integer as `%s`");
   check_problem("sprintf(\"%d %d\", 1)", "sprintf wants one conversion (%d, %g, %s, ...) in its format");
-  check_problem("sprintf(\"%n\", 1)", "sprintf cannot write a integer as `%n`");
+  check_problem("sprintf(\"%n\", 1)", "sprintf cannot write a value of type integer as `%n`");
   check_problem("\"a\" * 2", "found the string `a`, expected a number");
 }
 

@@ -3,12 +3,12 @@
 
 #include <climits>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <string>
 #include <utility>
 
 #include "mbdae/deck/diagnostic.h"
+#include "mbdae/deck/format_text.h"
 #include "mbdae/model/drive_jet.h"
 
 namespace mbdae::reading {
@@ -333,55 +333,9 @@ Value<Real> Evaluator<Real>::random(const ExpressionNode& node, Function id, con
 template <class Real>
 Value<Real> Evaluator<Real>::formatted(const ExpressionNode& node, const V& format, const V& argument) const {
   if (format.type != Type::string) fail(node, "sprintf wants a format string first");
-  // Exactly one conversion, of a kind that fits the argument: the format comes from the deck.
-  const std::string& text = format.text;
-  std::size_t begin = std::string::npos, end = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] != '%') continue;
-    if (i + 1 < text.size() && text[i + 1] == '%') {
-      ++i;
-      continue;
-    }
-    if (begin != std::string::npos) fail(node, "sprintf wants one conversion (%d, %g, %s, ...) in its format");
-    begin = i;
-    end = text.find_first_not_of("+- #0123456789.", i + 1);
-    if (end == std::string::npos || end - begin > 8) fail(node, "sprintf cannot read the conversion in its format");
-    i = end;
-  }
-  if (begin == std::string::npos) fail(node, "sprintf wants one conversion (%d, %g, %s, ...) in its format");
-  const char kind = text[end];
-  const std::string flags = text.substr(begin, end - begin);
-  std::size_t digits = 0;
-  for (const char c : flags) {
-    digits = c >= '0' && c <= '9' ? digits + 1 : 0;
-    if (digits > 2) fail(node, "sprintf widths have two digits at most");
-  }
-  char buffer[512];
-  const auto print = [&](auto value, const std::string& conversion) {
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wformat-nonliteral"
-    return std::snprintf(buffer, sizeof buffer, conversion.c_str(), value);
-#pragma GCC diagnostic pop
-  };
-  if (kind == 'd' || kind == 'i') {
-    print(static_cast<int>(integer(node, argument)), flags + kind);
-  } else if (std::string_view("eEfFgG").find(kind) != std::string_view::npos) {
-    print(value_of(real(node, argument)), flags + kind);
-  } else if (kind == 's' && argument.type == Type::string) {
-    print(argument.text.c_str(), flags + kind);
-  } else {
-    fail(node, "sprintf cannot write a " + std::string(type_name(argument.type)) + " as " + quoted(flags + kind));
-  }
-  std::string out;
-  const auto append = [&out](std::string_view part) {
-    for (std::size_t i = 0; i < part.size(); ++i) {
-      out += part[i];
-      if (part[i] == '%') ++i;
-    }
-  };
-  append(std::string_view(text).substr(0, begin));
-  out += buffer;
-  append(std::string_view(text).substr(end + 1));
+  const Value<double> value{argument.type, argument.integer, value_of(argument.real), argument.text};
+  std::string out, problem;
+  if (!format_text(format.text, value, &out, &problem)) fail(node, problem);
   return V::from_text(std::move(out));
 }
 

@@ -110,7 +110,7 @@ class Reader {
     const bool reference = card.is("reference"), drive = card.is("drive caller"), law = card.is("constitutive law");
     const bool module = card.is("module load");
     if (!reference && !drive && !law && !module) return false;
-    if (done_ <= kInitialValue && block_ != kControlData && !module) {
+    if (done_ <= kControlData && block_ != kControlData && !module) {
       input.fail(card.where,
                  "the card " + quoted(card.written) + " comes too early, expected after `begin: control data;`");
     }
