@@ -169,8 +169,8 @@ def grip_receptance(plant: Plant, lever_length_m: float, omega: ArrayLike, unkno
     pencil[:, n_q:, :n_q] = s * form.Phi_1 + form.Phi_0
     moment = np.zeros((len(s), n_q + n_r, 1), dtype=np.complex128)
     moment[:, lever] = 1.0
-    receptance: Complexes = np.linalg.solve(pencil, moment)[:, lever, 0] * lever_length_m**2
-    return receptance
+    rotation: Complexes = np.linalg.solve(pencil, moment).astype(np.complex128, copy=False)[:, lever, 0]
+    return rotation * float(lever_length_m) ** 2
 
 
 def grip_stiffness(model: PilotModel) -> float:
