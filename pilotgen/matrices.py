@@ -2,7 +2,7 @@
 
 The format is docs/io_formats/matrices.md. A search reads thousands of these files, hence HDF5's low-level interface.
 With `complete=False` only what every reader needs is read at once (the matrix pair and the names of the unknowns); the
-state and the tables of nodes, joints, inputs and muscles follow when they are first asked for.
+state and the columns of the tables of nodes, joints, inputs and muscles follow when they are first asked for.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -211,7 +211,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     path : path
         The file.
     complete : bool
-        Read and check every table now. With False the tables are read when first used, from the file as it is then.
+        Read and check every table now. With False the file stays open, and columns are read from it when first used.
 
     Raises
     ------
@@ -222,6 +222,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     """
     text_path = os.fspath(path)
     file = _open(text_path)
+    tables = _FileTables(file, text_path)
     try:
         _check_stranger(file, text_path)
         J_plus = _read(file, text_path, "J_plus")
@@ -239,32 +240,48 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
             J_minus=_shaped(_read(file, text_path, "J_minus"), text_path, "J_minus", (n, n)),
             names=_shaped(_read(file, text_path, "dofs/name"), text_path, "dofs/name", (n,)),
             kinds=_shaped(_read(file, text_path, "dofs/kind"), text_path, "dofs/kind", (n,)),
-            _table=_FileTables(text_path, n),
+            _table=tables,
         )
         if not matrices.c > 0.0:
             raise MatrixError(f"{text_path}: dataset 'c' is {matrices.c:g} s; expected a positive coefficient")
+        tables.n = n
         if complete:
             for group in (*_VECTORS, *_TABLES):
                 matrices.__dict__[group] = _read_table(file, text_path, group, n)
-    finally:
+    except BaseException:
+        file.close()
+        raise
+    if complete:
         file.close()
     return matrices
 
 
-@dataclass(frozen=True)
 class _FileTables:
-    """Reads a table of the file when it is asked for."""
+    """Reads a table of an open file when it is asked for; the file is closed with the last reference to this."""
 
-    path: str
-    n: int
+    def __init__(self, file: h5f.FileID, path: str) -> None:
+        self._file, self._path, self.n = file, path, 0
 
     def __call__(self, group: str) -> Any:
-        file = _open(self.path)
-        try:
-            _check_stranger(file, self.path)
-            return _read_table(file, self.path, group, self.n)
-        finally:
-            file.close()
+        if group in _VECTORS:
+            return _read_table(self._file, self._path, group, self.n)
+        return _LazyTable(self._file, self._path, group, self.n)
+
+
+class _LazyTable:
+    """Stands for a table (`NodeTable`, ...) of an open file: a column is read and checked when it is first used."""
+
+    def __init__(self, file: h5f.FileID, path: str, group: str, n: int) -> None:
+        self._file, self._path, self._group, self._n = file, path, group, n
+        self._length: int | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        shapes = _TABLES[self._group][1]
+        if name not in shapes:
+            raise AttributeError(f"table '{self._group}' has no column '{name}'")
+        value, self._length = _read_column(self._file, self._path, self._group, name, self._n, self._length)
+        self.__dict__[name] = value
+        return value
 
 
 def _open(path: str) -> h5f.FileID:
@@ -340,7 +357,7 @@ def _read(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
         memory_type, dtype = h5t.NATIVE_DOUBLE, "f8"
     if not is_right:
         raise MatrixError(f"{path}: dataset '{name}' holds {dataset.dtype}; expected {wanted}")
-    value = np.empty(dataset.shape, dtype)
+    value = np.empty(dataset.get_space().get_simple_extent_dims(), dtype)
     if value.size:
         dataset.read(h5s.ALL, h5s.ALL, value, memory_type)
     if value.dtype.kind == "f" and not np.isfinite(value).all():
@@ -361,13 +378,22 @@ def _read_table(file: h5f.FileID, path: str, group: str, n: int) -> Any:
     table, shapes = _TABLES[group]
     length: int | None = None
     columns: dict[str, NDArray[Any]] = {}
-    for name, symbolic in shapes.items():
-        value = _read(file, path, f"{group}/{name}")
-        if length is None:  # the first column of a table says how long it is
-            length = value.shape[0] if value.ndim else 0
-        shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
-        columns[name] = _shaped(value, path, f"{group}/{name}", shape)  # type: ignore[arg-type]
+    for name in shapes:
+        columns[name], length = _read_column(file, path, group, name, n, length)
     return table(**columns)
+
+
+def _read_column(
+    file: h5f.FileID, path: str, group: str, name: str, n: int, length: int | None
+) -> tuple[NDArray[Any], int]:
+    """Return a column and the table's length, which the first column that is read (`length` None) decides."""
+    value = _read(file, path, f"{group}/{name}")
+    symbolic = _TABLES[group][1][name]
+    if length is None:
+        place = symbolic.index("k")
+        length = value.shape[place] if value.ndim > place else 0
+    shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
+    return _shaped(value, path, f"{group}/{name}", shape), length  # type: ignore[arg-type]
 
 
 # ---- writing

@@ -190,11 +190,27 @@ def test_coefficient_must_be_positive(path: Path) -> None:
         read_matrices(path)
 
 
-def test_lazy_tables_need_the_file(path: Path) -> None:
-    matrices = read_matrices(path, complete=False)
+def test_lazy_columns_come_from_the_file_as_it_was(path: Path) -> None:
+    matrices, whole = read_matrices(path, complete=False), read_matrices(path)
     path.unlink()
-    with pytest.raises(FileError, match="no such file"):
-        _ = matrices.nodes
+    path.write_text("something else")
+    for table, columns in (("nodes", ("position", "name")), ("inputs", ("g_u", "unit")), ("muscles", ("force",))):
+        for column in columns:
+            np.testing.assert_array_equal(
+                getattr(getattr(matrices, table), column), getattr(getattr(whole, table), column)
+            )
+    with pytest.raises(AttributeError, match="no column 'colour'"):
+        _ = matrices.nodes.colour  # type: ignore[attr-defined]
+
+
+def test_lazy_columns_are_checked(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        del file["nodes/dofs"]
+        file["nodes/dofs"] = np.zeros(1, dtype=np.int64)
+    matrices = read_matrices(path, complete=False)
+    assert len(matrices.nodes.first) > 1
+    with pytest.raises(MatrixError, match=r"matrices\.h5: dataset 'nodes/dofs' has shape \(1,\)"):
+        _ = matrices.nodes.dofs
 
 
 def test_unknown_kind_is_named(path: Path) -> None:
