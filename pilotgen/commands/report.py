@@ -15,7 +15,6 @@ from pilotgen.errors import FileError
 
 if TYPE_CHECKING:
     from pilotgen.results import StudyResults
-    from pilotgen.study import Study
 
 
 def add_parser(commands: Any) -> None:
@@ -32,12 +31,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "directory", metavar="DIR", type=Path, help="output directory of `pilotgen search` or `pilotgen sample`"
     )
-    parser.add_argument(
-        "--mbdae",
-        metavar="PATH",
-        default=None,
-        help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, or PATH",
-    )
+    common.add_solver(parser)
     parser.add_argument(
         "--no-evaluations",
         action="store_true",
@@ -65,13 +59,20 @@ def run(args: argparse.Namespace) -> int:
     with locked_directory(args.directory, resume=True) as directory:
         results = read_results(path)
         study = study_from_text(str(results.attributes["study_text"]), f"{path}: study_text")
-        rows = journalled(directory, study, results)
-        report = write_report(directory, study, rows, mbdae=args.mbdae, evaluations=not args.no_evaluations)
+        report = write_report(
+            directory,
+            study,
+            journalled(directory, results),
+            mbdae=args.mbdae,
+            solver=args.solver,
+            mbdyn=args.mbdyn,
+            evaluations=not args.no_evaluations,
+        )
     print(f"report: {report}")
     return 0
 
 
-def journalled(directory: Path, study: Study, results: StudyResults) -> list[Mapping[str, Any]] | None:
+def journalled(directory: Path, results: StudyResults) -> list[Mapping[str, Any]] | None:
     """Result objects of the study's evaluations from the journal, in their order; None if any is missing there."""
     from pilotgen.journal import JOURNAL_NAME, Journal, evaluation_key
 

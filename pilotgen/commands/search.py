@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         if not args.no_report:
             from pilotgen.report import write_report
 
-            write_report(directory, study, rows, mbdae=args.mbdae)
+            write_report(directory, study, rows, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn)
         print_worst(args.study, directory, campaign, rows)
     return 0 if any(row["status"] == "ok" for row in rows) else 2
 

@@ -5,8 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ def identification(found: Identification) -> Figure:
     """Magnitude, phase, difference from the direct result, and coherence or harmonics of every test."""
     from matplotlib.ticker import FuncFormatter
 
-    figure = style.new_figure(5.8)
+    figure = style.new_figure(6.4)
     (magnitude, difference), (phase, quality) = figure.subplots(2, 2, sharex=True, height_ratios=(1.25, 1.0))
     tested = [frequency for run in found.runs for frequency in run.frequency_hz.tolist()] + list(found.frequencies_hz)
     low, high = 0.85 * min(tested), 1.15 * max(tested)
@@ -37,8 +36,9 @@ def identification(found: Identification) -> Figure:
     reference_deg = np.degrees(np.unwrap(np.angle(direct)))
     magnitude.plot(grid, length_mm * np.abs(direct), color=BLACK, label="direct", zorder=2)
     phase.plot(grid, reference_deg, color=BLACK, zorder=2)
-    for run, color, marker in zip(found.runs, _cycle(LINE_COLORS), _cycle(MARKERS), strict=False):
-        look = _look(run, color, marker)
+    amplitudes = sorted({run.amplitude_m_s2 for run in found.runs})
+    for run in found.runs:
+        look = _look(run, amplitudes.index(run.amplitude_m_s2))
         ratio = found.ratios(run)
         label = run.label.replace("m/s^2", "m/s²")
         magnitude.plot(run.frequency_hz, length_mm * np.abs(run.response), label=label, **look)
@@ -54,29 +54,33 @@ def identification(found: Identification) -> Figure:
     magnitude.set_yscale("log")
     magnitude.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     magnitude.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: ""))
-    magnitude.set_title("feedthrough: seat acceleration → collective grip, without washout")
+    magnitude.set_title("seat acceleration → collective grip, without washout")
     magnitude.set_ylabel("grip motion [mm per m/s²]")
-    magnitude.legend(loc="lower left")
+    figure.legend(loc="outside lower left", ncols=3)
     phase.set_ylabel("phase [deg]")
     difference.set_yscale("log")
     difference.set_title("difference from the direct result")
     difference.set_ylabel("|H / H direct − 1| [%]")
     difference.axhline(1.0, color=BLACK, linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
     quality.set_yscale("log")
-    quality.set_title("what is not linear: largest harmonic (sine), 1 − coherence (random)")
+    quality.set_title("largest harmonic (sine), 1 − coherence (random)")
     quality.set_ylabel("[-]")
     for axes in (phase, quality):
         style.frequency_axis(axes, low, high)
     return figure
 
 
-def _look(run: Run, color: str, marker: str) -> dict[str, object]:
+def _look(run: Run, amplitude: int) -> dict[str, Any]:
+    """A colour for every amplitude; marks for sines, dots for random motion; hollow and dashed where clipped."""
+    color = LINE_COLORS[amplitude % len(LINE_COLORS)]
     if run.coherence is not None:
-        return {"color": color, "linestyle": "-" if len(run.frequency_hz) > 1 else "", "linewidth": 0.7, "marker": ".",
-                "markersize": 3.0}  # fmt: skip
-    hollow = "none" if run.activation_check else color
-    return {"color": color, "linestyle": "", "marker": marker, "markersize": 5.0, "markerfacecolor": hollow}
-
-
-def _cycle(items: tuple[str, ...]) -> list[str]:
-    return list(items) * math.ceil(64 / len(items))
+        line = (0, (4, 2)) if run.activation_check else "-"
+        return {"color": color, "linestyle": line, "linewidth": 0.7, "marker": ".", "markersize": 2.5, "zorder": 2.5}
+    return {
+        "color": color,
+        "linestyle": "",
+        "marker": MARKERS[amplitude % len(MARKERS)],
+        "markersize": 5.5,
+        "markerfacecolor": "none" if run.activation_check else color,
+        "zorder": 3.0,
+    }

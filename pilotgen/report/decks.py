@@ -19,7 +19,7 @@ from pilotgen.report.findings import distinct, worst_order
 from pilotgen.results import StudyResults
 
 FRONT_NAME = "front"
-MOST_DECKS = 20  # pilots of the front whose decks are written; a front can have a hundred that are nearly the same
+MOST_DECKS = 20  # pilots of the front whose decks are written; a front can have a hundred
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECK
     """At most `most` pilots of the front that differ from each other, worst first; spread along it if more exist."""
     members = set(front.tolist())
     order = np.array([index for index in worst_order(results).tolist() if index in members], dtype=np.int64)
-    different = distinct(results, order, len(order))
+    different = distinct(results, order, len(order), share=0.0)
     if len(different) <= most:
         return FrontDecks(different, len(different))
     worst, others = different[:1], different[1:]

@@ -20,7 +20,7 @@ from pilotgen.figures.style import quantity
 from pilotgen.results import StudyResults
 from pilotgen.search.problem import CAPS
 
-SAME_PILOT = 0.01  # share of the box: pilots that differ by less in every variable count as one
+SAME_PILOT = 0.05  # share of the box: pilots that differ by no more in any variable count as one in tables
 AT_BOUND = 0.01  # share of the box: this near a bound is at the bound
 TELLING = 0.1  # dB, deg: a difference between margins worth telling
 CLEAR_TREND, WEAK_TREND = 0.5, 0.2  # rank correlations called clear, and not worth a word
@@ -36,15 +36,15 @@ def worst_order(results: StudyResults) -> np.ndarray:
     return order
 
 
-def distinct(results: StudyResults, order: np.ndarray, count: int) -> np.ndarray:
-    """The first `count` of `order` that differ from each other by `SAME_PILOT` of the box in at least one variable."""
+def distinct(results: StudyResults, order: np.ndarray, count: int, share: float = SAME_PILOT) -> np.ndarray:
+    """The first `count` of `order` that differ from each other by more than `share` of the box in some variable."""
     width = results.upper - results.lower
-    share = results.columns["inputs"] / np.where(width > 0.0, width, 1.0)
+    place = results.columns["inputs"] / np.where(width > 0.0, width, 1.0)
     kept: list[int] = []
     for index in order.tolist():
         if len(kept) == count:
             break
-        if not kept or np.abs(share[kept] - share[index]).max(axis=1).min() >= SAME_PILOT:
+        if not kept or np.abs(place[kept] - place[index]).max(axis=1).min() > share:
             kept.append(index)
     return np.array(kept, dtype=np.int64)
 
@@ -184,31 +184,34 @@ def bounds_met(results: StudyResults, worst: int, front: np.ndarray) -> list[Bou
     return found
 
 
-def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve]) -> list[str]:
-    """Where a curve through the worst pilot finds a worse one: the search has not come to its end.
+def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve]) -> str:
+    """A sentence if the curves through the worst pilot find a worse one: the search has not come to its end.
 
     Worse: neither margin is larger, and one is smaller by at least `TELLING`. Nothing is said if the study minimises
     something else than these margins.
     """
     if not set(MARGINS) <= set(results.objective_names):
-        return []
+        return ""
     own = np.array([[np.clip(results.columns[name][worst], -CAPS[name], CAPS[name])] for name in MARGINS])
-    sentences = []
+    found = []
     for curve in curves:
         capped = np.stack([np.clip(curve.margins[name], -CAPS[name], CAPS[name]) for name in MARGINS])
         loss = np.nan_to_num(own - capped, nan=-1.0)  # (2, k); positive where the pilot on the curve is worse
         largest = np.where((loss >= 0.0).all(axis=0), loss.max(axis=0), 0.0)
         k = int(np.argmax(largest))
         if largest[k] >= TELLING:
-            found = ", ".join(
+            told = [
                 f"{quantity(name).name} {margin_words(name, float(curve.margins[name][k]), math.nan)}"
                 for name in MARGINS
-            )
-            sentences.append(
-                f"The search has not come to its end: with {quantity(curve.name).text(float(curve.values[k]))} "
-                f"instead, the worst pilot has {found}. More generations or a larger population would find them."
-            )
-    return sentences
+                if math.isfinite(curve.margins[name][k])
+            ]
+            found.append(f"{quantity(curve.name).text(float(curve.values[k]))} ({', '.join(told)})")
+    if not found:
+        return ""
+    return (
+        f"The search has not come to its end: the worst pilot is made worse by {', or by '.join(found)} alone. "
+        "More generations or a larger population would find such pilots."
+    )
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ def render(
             "nominal": _nominal_sentence(study, repeated),
             "rule": findings.rule_of_thumb(results, worst),
             "bounds": [bound.sentence for bound in findings.bounds_met(results, worst, front)],
-            "unfinished": findings.worse_on_curves(results, worst, repeated.curves) if repeated else [],
+            "unfinished": findings.worse_on_curves(results, worst, repeated.curves) if repeated else "",
             "no_phase": study_figures.shown_margins(results) != study_figures.MARGINS,
             "trends": [
                 (trend, findings.curve_sentence(curve) if curve else "")
@@ -112,6 +112,7 @@ def render(
             "worst_again": repeated.worst if repeated else None,
             "worst_failed": isinstance(repeated.worst, FailedEvaluation) if repeated else False,
             "decks": front_decks,
+            "worst_extrapolated": [] if rows is None else list(rows[worst].get("extrapolated", [])),
             "same_pilot": findings.SAME_PILOT,
         }
     return _template().render(content, quantity=quantity, number=number)

@@ -52,6 +52,8 @@ def write_report(
     study: Study,
     rows: Sequence[Mapping[str, Any]] | None = None,
     mbdae: str | None = None,
+    solver: str = "mbdae",
+    mbdyn: str | None = None,
     evaluations: bool = True,
 ) -> Path:
     """Write report.html, study.yaml (the study's text) and, for multibody pilots, decks of the front to `directory`.
@@ -63,9 +65,10 @@ def write_report(
     study : Study
         The study it came from.
     rows : sequence of mapping, optional
-        Result objects of its evaluations, for what study.h5 does not hold (extrapolations); None if they are lost.
-    mbdae : str, optional
-        Path of the solver.
+        Result objects of its evaluations in their order, for what study.h5 does not hold (extrapolations); None if
+        they are lost.
+    mbdae, solver, mbdyn
+        Who evaluates, as of `Workbench`.
     evaluations : bool
         False evaluates nothing: no curves, no Bode and Nyquist figures, no decks, no solver needed.
 
@@ -84,7 +87,7 @@ def write_report(
     front = findings.first_front(results)
     repeated, front_decks = None, None
     if evaluations and len(order):
-        with Workbench(study, mbdae=mbdae) as bench:
+        with Workbench(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as bench:
             repeated = _repeat(bench, results, int(order[0]))
             if study.pilot.model == "multibody":
                 front_decks = decks.choose_front(results, front)

@@ -273,3 +273,14 @@ def test_curves_are_drawn_through_the_worst_pilot(results):
     assert np.asarray(line.get_ydata())[:2] == pytest.approx([-1.0, 2.0])
     assert not any(line.get_label().startswith("worst pilot, this alone") for line in figure.axes[0].lines)
     assert png_size(style.png(figure))
+
+
+def test_where_nobody_has_a_phase_margin_the_modulus_margin_is_drawn(results):
+    columns = {**results.columns, "phase_margin_deg": np.full(len(results.columns["phase_margin_deg"]), np.inf)}
+    none = StudyResults(**{**vars(results), "columns": columns})
+    axes = figures.objective_plane(none, none.front).axes[0]
+    assert axes.get_ylabel() == "modulus margin"
+    ok = none.columns["status"] == "ok"
+    assert sorted(offsets(axes)[:, 1]) == pytest.approx(sorted(none.columns["modulus_margin"][ok]))
+    assert figures.margin_curves(none, []).axes[3].get_ylabel() == "modulus margin"
+    assert [axes.get_ylabel() for axes in figures.convergence(none).axes] == ["gain margin [dB]"]

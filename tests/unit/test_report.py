@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import base64
+import dataclasses
 import shlex
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -16,7 +18,8 @@ import pytest
 from study_maker import FAILED, mayo_study, write_study
 
 from pilotgen.errors import FileError
-from pilotgen.report import findings, write_report
+from pilotgen.figures.study import Curve
+from pilotgen.report import findings, page, write_report
 from pilotgen.report.decks import MOST_DECKS, choose_front
 from pilotgen.results import StudyResults
 from pilotgen.study import apply_settings
@@ -79,13 +82,21 @@ def page_of(directory: Path) -> Page:
     return page
 
 
+@pytest.fixture(scope="module", autouse=True)
+def coarse_pictures() -> Iterator[None]:
+    """Nobody looks at these pictures: fewer dots draw faster."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pilotgen.figures.style.DPI", 40)
+        yield
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, StudyResults, Page]:
     """The report of a search over three variables with two failures."""
     directory = tmp_path_factory.mktemp("study")
     study = mayo_study()
     results = write_study(directory, study, failed=(3, 12))
-    write_report(directory, study, [])
+    write_report(directory, study)
     return directory, results, page_of(directory)
 
 
@@ -105,7 +116,7 @@ def test_headline_names_the_worst_pilot_and_margins(made):
     J = np.clip(columns["gain_margin_db"], -60, 60) + np.clip(columns["phase_margin_deg"], -180, 180)
     best_rank = columns["rank"] == 1
     assert J[worst] == J[best_rank].min()
-    assert f"The worst pilot has natural frequency {columns['inputs'][worst, 0]:.3g} Hz" in page.text
+    assert f"The worst pilot has natural frequency {columns['inputs'][worst, 0]:.4g} Hz" in page.text
     assert f"gain margin {columns['gain_margin_db'][worst]:.2f} dB".replace("-", "−") in page.text
     assert "IAR 330 Puma" in page.text
     assert "For comparison, the nominal pilot" in page.text
@@ -154,7 +165,7 @@ def test_study_text_is_escaped_and_kept_beside(made):
 def test_same_study_gives_the_same_bytes(made):
     directory, _, _ = made
     before = (directory / "report.html").read_bytes()
-    write_report(directory, mayo_study(), [])
+    write_report(directory, mayo_study())
     assert (directory / "report.html").read_bytes() == before
 
 
@@ -167,7 +178,7 @@ def test_nothing_is_left_over(made):
 def test_fewer_variables(tmp_path: Path, variables: int):
     study = mayo_study(variables)
     write_study(tmp_path, study)
-    write_report(tmp_path, study, [])
+    write_report(tmp_path, study)
     page = page_of(tmp_path)
     assert "Who is the worst pilot?" in page.text
     assert "Failures None" in page.text
@@ -176,7 +187,7 @@ def test_fewer_variables(tmp_path: Path, variables: int):
 def test_single_evaluation(tmp_path: Path):
     study = mayo_study()
     write_study(tmp_path, study, generations=1, population=1)
-    write_report(tmp_path, study, [])
+    write_report(tmp_path, study)
     page = page_of(tmp_path)
     assert "Nothing can be said about the damping ratio" in page.text
     assert len(page.cells["worst"]) == 3
@@ -185,7 +196,7 @@ def test_single_evaluation(tmp_path: Path):
 def test_all_failed(tmp_path: Path):
     study = mayo_study()
     write_study(tmp_path, study, failed=range(24))
-    write_report(tmp_path, study, [])
+    write_report(tmp_path, study)
     page = page_of(tmp_path)
     assert "No pilot could be evaluated" in page.text
     assert page.cells["failure-table"][1][0] == "24"
@@ -200,7 +211,7 @@ def test_without_evaluations_nothing_is_evaluated(tmp_path: Path, monkeypatch: p
         raise AssertionError("evaluated")
 
     monkeypatch.setattr("pilotgen.report.write.evaluate", never)
-    write_report(tmp_path, study, [], evaluations=False)
+    write_report(tmp_path, study, evaluations=False)
     assert "Not drawn" in page_of(tmp_path).text
 
 
@@ -208,7 +219,7 @@ def test_a_sample_has_no_generations(tmp_path: Path):
     study = mayo_study()
     results = write_study(tmp_path, study, generations=1, population=16, kind="sample")
     assert len(results.members) == 0
-    write_report(tmp_path, study, [])
+    write_report(tmp_path, study)
     page = page_of(tmp_path)
     assert "What does the sample say?" in page.text
     assert "first population" not in page.text and "last population" not in page.text
@@ -221,13 +232,13 @@ def test_another_program_is_noticed(tmp_path: Path):
     write_study(tmp_path, study)
     with h5py.File(tmp_path / "study.h5", "r+") as file:
         file["evaluations/gain_margin_db"][...] += 0.5
-    write_report(tmp_path, study, [])
+    write_report(tmp_path, study)
     assert "other margins than in study.h5" in page_of(tmp_path).text
 
 
 def test_no_report_without_a_study(tmp_path: Path):
     with pytest.raises(FileError, match=r"study\.h5"):
-        write_report(tmp_path, mayo_study(), [])
+        write_report(tmp_path, mayo_study())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -282,6 +293,22 @@ def test_bounds_are_pointed_out_only_where_met(made):
     )
 
 
+def test_a_search_that_missed_a_worse_neighbour_is_told(made):
+    _, results, _ = made
+    worst = int(findings.worst_order(results)[0])
+    gain, phase = (float(results.columns[name][worst]) for name in ("gain_margin_db", "phase_margin_deg"))
+
+    def curve(gains: list[float], phases: list[float]) -> Curve:
+        margins = {"gain_margin_db": np.array(gains), "phase_margin_deg": np.array(phases)}
+        return Curve("pilot_damping", np.linspace(0.2, 0.4, len(gains)), margins)
+
+    traded = curve([gain - 1.0, gain, np.nan], [phase + 1.0, phase, np.nan])  # not worse: the other margin grows
+    assert findings.worse_on_curves(results, worst, [traded]) == ""
+    hidden = curve([gain, gain - 0.5], [phase, phase])
+    sentence = findings.worse_on_curves(results, worst, [traded, hidden])
+    assert f"made worse by damping ratio 0.4 (gain margin {gain - 0.5:.2f} dB".replace("-", "−") in sentence
+
+
 def test_rank_correlation_is_spearmans():
     from scipy.stats import spearmanr
 
@@ -296,8 +323,8 @@ def test_nearly_equal_pilots_count_as_one(made):
     _, results, _ = made
     inputs = np.tile(0.5 * (results.lower + results.upper), (len(results.columns["inputs"]), 1))
     width = results.upper - results.lower
-    inputs[1] += 0.009 * width  # nearly the same as 0
-    inputs[2, 0] += 0.02 * width[0]  # another one
+    inputs[1] += 0.049 * width  # nearly the same as 0
+    inputs[2, 0] += 0.06 * width[0]  # another one
     kept = findings.distinct(replaced(results, inputs=inputs), np.array([0, 1, 2, 3]), 10)
     assert kept.tolist() == [0, 2]
 
@@ -327,6 +354,21 @@ def test_extrapolations_are_grouped_by_biometric():
     assert [(entry.sentence, entry.count) for entry in found] == [("mass 40 kg is", 1), ("stature 2 m is outside", 2)]
 
 
+def test_extrapolations_are_told_for_multibody_pilots(made, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(page, "png", lambda figure: b"")  # nobody looks
+    _, results, _ = made
+    study = mayo_study()
+    body = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, model="multibody"))
+    order = findings.worst_order(results)
+    front = findings.first_front(results)
+    rows = [{"extrapolated": ["stature 2 m is outside"]} if k == order[0] else {} for k in range(24)]
+    text = Page(page.render(body, results, order, front, rows, None, None)).text
+    assert "1 evaluation, for example: stature 2 m is outside" in text
+    assert "The worst pilot is one of them: stature 2 m is outside." in text
+    assert "Not known" in Page(page.render(body, results, order, front, None, None, None)).text
+    assert "Beyond the data None" in Page(page.render(body, results, order, front, [{}] * 24, None, None)).text
+
+
 def test_long_fronts_are_thinned_along_their_length(tmp_path: Path):
     results = write_study(tmp_path, mayo_study(), population=20)
     chosen = choose_front(results, np.arange(60))
@@ -334,5 +376,5 @@ def test_long_fronts_are_thinned_along_their_length(tmp_path: Path):
     assert len(chosen.pilots) == MOST_DECKS == len(set(chosen.pilots.tolist()))
     assert chosen.pilots[0] == findings.worst_order(results)[0]
     gains = results.columns["gain_margin_db"]
-    different = findings.distinct(results, findings.worst_order(results), 60)
+    different = findings.distinct(results, findings.worst_order(results), 60, share=0.0)
     assert gains[chosen.pilots].max() == gains[different].max()  # both ends of it
