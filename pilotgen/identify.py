@@ -282,9 +282,11 @@ def report(found: Identification) -> str:
     lines = ["grip motion per seat acceleration, without washout; tests: ratio to the direct result, and phase lead"]
     width = max([len(run.label) for run in found.runs], default=len("method"))
     conditions = list(dict.fromkeys((run.amplitude_m_s2, run.activation_check) for run in found.runs))
-    for condition in conditions or [None]:
+    for condition in conditions:
         runs = [run for run in found.runs if (run.amplitude_m_s2, run.activation_check) == condition]
         lines += ["", *_table(found, runs, width)]
+    if not conditions:
+        lines += ["", *_table(found, [], width)]
     lines.append("")
     lines.append(f"{'method':{width}}  {'largest difference from direct':40}  {'took':>9}  {'simulated':>9}  notes")
     lines.append(f"{'direct':{width}}  {'':40}  {found.direct_s:7.3f} s")
