@@ -76,7 +76,6 @@ build/sanitize.stamp: build/system-test.stamp $(SOLVER_SOURCES)
 .PHONY: study
 study: install ## Search the worst pilots of the IAR 330 Puma (results/puma-bmi)
 	@$(BIN)/pilotgen search $(STUDY) -o $(RESULTS) --resume
-	@echo "Results: $(RESULTS)/study.h5 (all evaluations), $(RESULTS)/report.html (figures and tables)"
 
 .PHONY: bench
 bench: install ## Measure where the time goes
