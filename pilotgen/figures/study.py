@@ -248,7 +248,8 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
     x_scale.apply(axes, "x")
     y_scale.apply(axes, "y")
     marked = [
-        style.mark_rule_of_thumb(axes, RULE_OF_THUMB.get(name), which) for which, name in zip("xy", names, strict=True)
+        scale.mark(axes, RULE_OF_THUMB.get(name), which)
+        for scale, which, name in zip((x_scale, y_scale), "xy", names, strict=True)
     ]
     if any(marked):
         axes.plot([], [], color=style.GREEN, linestyle=(0, (5, 3)), linewidth=1.0, label="rule of thumb, 6 dB and 60°")
@@ -278,7 +279,7 @@ def convergence(results: StudyResults) -> Figure:
             *scale.broken(generations, history[:, 0]), color=VERMILLION, marker=".", markersize=4, label="smallest"
         )
         scale.apply(axes)
-        style.mark_rule_of_thumb(axes, RULE_OF_THUMB.get(name))
+        scale.mark(axes, RULE_OF_THUMB.get(name))
         axes.set_xlim(0.5, len(generations) + 0.5)
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel("generation")
@@ -344,7 +345,7 @@ def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | N
             style.variable_limits(axes, "x", results.lower[j], results.upper[j])
         for axes in line:
             scale.apply(axes)
-            style.mark_rule_of_thumb(axes, RULE_OF_THUMB.get(margin_name))
+            scale.mark(axes, RULE_OF_THUMB.get(margin_name))
         line[0].set_ylabel(quantity(margin_name).axis)
     for axes, name in zip(panels[-1], results.names, strict=True):
         axes.set_xlabel(quantity(name).axis)

@@ -171,6 +171,7 @@ class MarginScale:
     high: float
     above: float | None
     below: float | None
+    empty: bool = False  # no finite margin at all: the range between the strips has no numbers
 
     @classmethod
     def of(cls, *arrays: Any) -> MarginScale:
@@ -186,6 +187,7 @@ class MarginScale:
             high,
             high + strip if bool(np.any(values == np.inf)) else None,
             low - strip if bool(np.any(values == -np.inf)) else None,
+            not finite.size,
         )
 
     def place(self, values: Any) -> np.ndarray:
@@ -219,6 +221,7 @@ class MarginScale:
         ticks = [
             tick for tick in axis.get_major_locator().tick_values(self.low, self.high) if self.low <= tick <= self.high
         ]
+        ticks = [] if self.empty else ticks
         labels = [f"{tick:g}".replace("-", "−") for tick in ticks]
         for place, edge, text in ((self.above, self.high, "none"), (self.below, self.low, "−∞")):
             if place is not None:
@@ -227,21 +230,20 @@ class MarginScale:
                 labels.append(text)
         axis.set_ticks(ticks, labels)
 
+    def mark(self, axes: Axes, wanted: float | None, which: str = "y") -> bool:
+        """A dashed line at the margin one wants to have, and a solid one at zero, the limit of stability.
 
-def mark_rule_of_thumb(axes: Axes, value: float | None, which: str = "y") -> bool:
-    """A thin dashed line at a margin one wants to have, and a solid one at zero, the limit of stability.
-
-    Returns whether the dashed line was drawn: there is a value, and it lies within the axis.
-    """
-    line = axes.axhline if which == "y" else axes.axvline
-    limits = axes.get_ylim() if which == "y" else axes.get_xlim()
-    marked = False
-    if value is not None and limits[0] < value < limits[1]:
-        line(value, color=GREEN, linestyle=(0, (5, 3)), linewidth=1.0, zorder=1)
-        marked = True
-    if limits[0] < 0.0 < limits[1]:
-        line(0.0, color=BLACK, linewidth=0.9, zorder=1)
-    return marked
+        Returns whether the dashed line was drawn: there is such a margin, and it lies in the finite range.
+        """
+        line = axes.axhline if which == "y" else axes.axvline
+        if self.empty:
+            return False
+        if self.low < 0.0 < self.high:
+            line(0.0, color=BLACK, linewidth=0.9, zorder=1)
+        if wanted is None or not self.low < wanted < self.high:
+            return False
+        line(wanted, color=GREEN, linestyle=(0, (5, 3)), linewidth=1.0, zorder=1)
+        return True
 
 
 def frequency_axis(axes: Axes, low_hz: float, high_hz: float, label: bool = True) -> None:

@@ -246,6 +246,19 @@ def test_a_scale_of_nothing_but_infinities_is_still_a_scale():
     low, high = scale.limits
     assert low < scale.below < scale.above < high
     assert list(scale.place([np.inf, -np.inf])) == [scale.above, scale.below]
+    axes = style.new_figure(2.0).subplots()
+    scale.apply(axes)
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["none", "−∞"]  # no numbers where there are none
+
+
+def test_a_wanted_margin_is_marked_only_among_finite_ones():
+    scale = style.MarginScale.of([0.0, 55.0, np.inf])
+    axes = style.new_figure(2.0).subplots()
+    scale.apply(axes)
+    assert scale.high < 60.0 < scale.limits[1]  # 60 deg would lie on the strip of "none"
+    assert not scale.mark(axes, 60.0)
+    assert scale.mark(axes, 40.0)
+    assert [line.get_ydata()[0] for line in axes.lines] == [0.0, 0.0, 40.0]
 
 
 def test_a_line_breaks_where_a_margin_becomes_infinite():
