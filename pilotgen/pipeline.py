@@ -30,7 +30,7 @@ from pilotgen.biometrics import Biometrics, biometrics_from
 from pilotgen.body import Body, make_body
 from pilotgen.cockpit import Cockpit, check_cockpit, make_cockpit
 from pilotgen.deck import render_direct, render_posture, render_trim
-from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError
+from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError, StudyError
 from pilotgen.feedthrough import certificate, make_pilot_model, mayo_pilot
 from pilotgen.helicopter import HeaveModel
 from pilotgen.loop import LoopModel
@@ -200,7 +200,10 @@ def solve_pilot(
         if keep is not None:
             (keep / name).write_text(text, encoding="utf-8")
 
-    biometrics = biometrics_from(values, settings.sex)
+    try:
+        biometrics = biometrics_from(values, settings.sex)
+    except StudyError as error:  # a corner of the box, such as a tall pilot of little mass, may hold no person
+        raise EvaluationError("biometrics", str(error)) from None
     body = make_body(biometrics, settings.limbs)
     cockpit = make_cockpit(
         body,
