@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Protocol
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit, Inceptor
@@ -26,6 +25,7 @@ from pilotgen.errors import FileError
 from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, forward
 from pilotgen.limb import Limb, Muscle, Segment
 from pilotgen.posture import Posture, PostureGuess, ergonomics
+from pilotgen.skeleton import Skeletons
 
 GRAVITY_M_PER_S2 = 9.81
 TIME_STEP_S = 1e-3
@@ -69,7 +69,7 @@ def template_directory() -> Path:
 
 
 @lru_cache(maxsize=4)
-def _template(name: str) -> Template:
+def _template(name: str) -> Skeletons:
     environment = Environment(
         loader=FileSystemLoader(template_directory()),
         undefined=StrictUndefined,
@@ -79,7 +79,7 @@ def _template(name: str) -> Template:
         auto_reload=False,
         autoescape=False,
     )
-    return environment.get_template(name)
+    return Skeletons(environment.get_template(name))
 
 
 # ---- numbers as text -------------------------------------------------------------------------------------------------
@@ -106,16 +106,9 @@ def _hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: i
     return f"{index}, {vector(axis)}, {guess_index}, {vector(guess)}"
 
 
-@dataclass(frozen=True)
-class _PoseText:
-    x: str
-    R1: str
-    R2: str
-    R3: str
-
-
-def _pose_text(pose: Pose) -> _PoseText:
-    return _PoseText(vector(pose[0]), *(vector(row) for row in pose[1]))
+def _pose_text(pose: Pose) -> SimpleNamespace:
+    R1, R2, R3 = map(vector, pose[1])
+    return SimpleNamespace(x=vector(pose[0]), R1=R1, R2=R2, R3=R3)
 
 
 # ---- what a template knows about a control and an arm ----------------------------------------------------------------
