@@ -89,7 +89,9 @@ inline ClampData clamp(const Deck& deck, NodeIndex node) {
 class Ugly {
  public:
   explicit Ugly(unsigned seed) : engine_(seed) {}
-  double number(double from = -1.0, double to = 1.0) { return std::uniform_real_distribution<double>(from, to)(engine_); }
+  double number(double from = -1.0, double to = 1.0) {
+    return std::uniform_real_distribution<double>(from, to)(engine_);
+  }
   Vec3 vector(double size = 1.0) { return Vec3(number(-size, size), number(-size, size), number(-size, size)); }
   Mat3 rotation(double size = 2.0) { return rotation_exp(vector(size)); }
   template <int N>

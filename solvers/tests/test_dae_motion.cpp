@@ -35,7 +35,8 @@ void set_time(Deck& deck, double final_time, double time_step) {
   deck.initial_value.tolerance = 1e-10;
 }
 
-// A rod of mass m [kg] whose centre is L [m] from a hinge at the origin with axis z, hanging along -y, displaced by theta.
+// A rod of mass m [kg] whose centre is L [m] from a hinge at the origin with axis z, hanging along -y, displaced by
+// theta.
 Deck pendulum(double theta, double m = 2.0, double L = 0.5, double J = 0.03) {
   Deck deck;
   const Mat3 R = rotation_exp(Vec3(0.0, 0.0, theta));
@@ -84,7 +85,8 @@ double elliptic_K(double k) {
 }
 
 double period_of(const Motion& motion) {
-  const std::vector<double> crossings = upward_crossings(motion, channel(motion, "node_1.gz"), channel(motion, "node_1.wz"));
+  const std::vector<double> crossings =
+      upward_crossings(motion, channel(motion, "node_1.gz"), channel(motion, "node_1.wz"));
   REQUIRE(crossings.size() >= 3);
   return (crossings.back() - crossings.front()) / static_cast<double>(crossings.size() - 1);
 }
@@ -210,7 +212,8 @@ TEST_CASE("fast top: steady precession and conserved angular momentum") {
   add_gravity(deck, Vec3(0.0, -kGravity, 0.0));
   set_time(deck, 1.0, 0.01);
   const Motion motion = integrate(deck, with("ida", 1e-10, 1e-12));
-  const Eigen::VectorXd x = channel(motion, "node_1.x"), y = channel(motion, "node_1.y"), z = channel(motion, "node_1.z");
+  const Eigen::VectorXd x = channel(motion, "node_1.x"), y = channel(motion, "node_1.y"),
+                        z = channel(motion, "node_1.z");
   for (std::size_t i = 0; i < motion.time.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const Vec3 expected = rotation_exp(Vec3(0.0, Omega * motion.time[i], 0.0)) * (l * e);
@@ -246,7 +249,8 @@ TEST_CASE("slider-crank: kinematics of a driven crank") {
   drive_pin.rotation.fill(TotalComponent::position);
   drive_pin.rotation_drive = vector_drive<3>(Vec3(0.0, 0.0, 1.0), drive);
   add_joint(deck, drive_pin);
-  add_joint(deck, RevoluteHingeData{crank, coupler, Vec3(r, 0, 0), Vec3::Zero(), Mat3::Identity(), Mat3::Identity(), {}, {}});
+  add_joint(deck,
+            RevoluteHingeData{crank, coupler, Vec3(r, 0, 0), Vec3::Zero(), Mat3::Identity(), Mat3::Identity(), {}, {}});
   add_joint(deck, SphericalHingeData{coupler, block, Vec3(L, 0, 0), Vec3::Zero()});
   TotalPinData guide = drive_pin;
   guide.node = block;
@@ -264,13 +268,13 @@ TEST_CASE("slider-crank: kinematics of a driven crank") {
     const Eigen::VectorXd x = channel(motion, "node_3.x"), v = channel(motion, "node_3.vx");
     for (std::size_t i = 0; i < motion.time.size(); ++i) {
       const Jet jet = drive->at(motion.time[i]);
-      const double phi = phi0 + jet.value, sine_part = r * std::sin(phi), side = std::sqrt(L * L - sine_part * sine_part);
+      const double phi = phi0 + jet.value, sine_part = r * std::sin(phi),
+                   side = std::sqrt(L * L - sine_part * sine_part);
       const double x_exact = r * std::cos(phi) + side;
       const double v_exact = -jet.rate * (sine_part + sine_part * r * std::cos(phi) / side);
       INFO(integrator << " t = " << motion.time[i]);
       CHECK(x(static_cast<Eigen::Index>(i)) == Approx(x_exact).margin(1e-8));
-      CHECK(v(static_cast<Eigen::Index>(i)) ==
-            Approx(v_exact).margin(std::string(integrator) == "ida" ? 1e-7 : 1e-3));
+      CHECK(v(static_cast<Eigen::Index>(i)) == Approx(v_exact).margin(std::string(integrator) == "ida" ? 1e-7 : 1e-3));
     }
   }
 }
@@ -281,7 +285,8 @@ TEST_CASE("double pendulum: energy over 10 s") {
   const Vec3 joint = deck.nodes[0].x + deck.nodes[0].R * Vec3(0.0, -0.5, 0.0);
   const NodeIndex second = add_node(deck, NodeKind::dynamic_node, joint - R * Vec3(0.0, 0.4, 0.0), R);
   add_body(deck, second, 1.0, Vec3::Zero(), Vec3(0.01, 0.002, 0.02).asDiagonal());
-  add_joint(deck, RevoluteHingeData{0, second, Vec3(0, -0.5, 0), Vec3(0, 0.4, 0), Mat3::Identity(), Mat3::Identity(), {}, {}});
+  add_joint(deck, RevoluteHingeData{
+                      0, second, Vec3(0, -0.5, 0), Vec3(0, 0.4, 0), Mat3::Identity(), Mat3::Identity(), {}, {}});
   set_time(deck, 10.0, 0.02);
   const Motion motion = integrate(deck, with("ida", 1e-12, 1e-14));
   const Eigen::VectorXd total = energy(deck, motion);

@@ -358,7 +358,7 @@ TEST_CASE("muscles: every variant of the law") {
     }
     if (variant == 4) law.short_range = ShortRangeData{ShortRangeModel::linear, 28.0, 0.7};
     if (variant == 5) law.short_range = ShortRangeData{ShortRangeModel::exponential, 2.8, 0.3};
-    if (variant == 6) law.reflex->proportional_gain = constant(30.0);  // saturated above
+    if (variant == 6) law.reflex->proportional_gain = constant(30.0);   // saturated above
     if (variant == 7) law.reflex->proportional_gain = constant(-30.0);  // and below
     law.activation_check = variant >= 6;
     DYNAMIC_SECTION("variant " << variant) {

@@ -141,7 +141,7 @@ def test_exact(name: str, solver: SolverClient, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", list(IN_LINE))
 def test_in_line(name: str, solver: SolverClient, tmp_path: Path) -> None:
-    # MBDyn puts -F x of node 2's force row on node 2's rotation instead of node 1's, and has the wrong sign in -F x q x.
+    # MBDyn puts -F x of node 2's force row on node 2's rotation instead of node 1's; its -F x q x has the wrong sign.
     case = Case(name)
     ends = {"106": (5, 4), "2": (1, 2), "3": (1, 3)}
     known = np.zeros((case.size, case.size))
@@ -297,7 +297,7 @@ def test_static_equilibrium(solver: SolverClient, tmp_path: Path) -> None:
 
 
 def test_reactions_at_rest(solver: SolverClient, tmp_path: Path) -> None:
-    # Where MBDyn's start-up solves the accelerations exactly (at rest, constraints met to the last digit), and at equilibrium.
+    # Where MBDyn's start-up solves the accelerations exactly: constraints met to the last digit, or equilibrium.
     for name, tolerance in (
         ("c01a_revpin_rest", 1e-12),
         ("c02a_sphpin_rest", 1e-12),

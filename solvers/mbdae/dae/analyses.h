@@ -28,7 +28,7 @@ class ModelError : public std::runtime_error {
 struct StaticOptions {
   double tolerance = 1e-10;  ///< 2-norm of the equilibrium residual, scaled [N, N m, m, rad]
   int max_iterations = 50;
-  int load_steps = 16;       ///< of the fallback when Newton with line search fails
+  int load_steps = 16;  ///< of the fallback when Newton with line search fails
 };
 
 struct LineariseOptions {
@@ -42,9 +42,9 @@ struct IntegrateOptions {
   std::string integrator = "ida";  ///< "ida" or "ms"
   double rtol = 1e-8, atol = 1e-10;
   std::optional<double> final_time, time_step;  ///< override the deck's
-  int output_every = 1;                          ///< time steps between rows
-  std::vector<std::string> channels;             ///< empty = all
-  std::function<void(double)> progress;          ///< called with the time reached; may be empty
+  int output_every = 1;                         ///< time steps between rows
+  std::vector<std::string> channels;            ///< empty = all
+  std::function<void(double)> progress;         ///< called with the time reached; may be empty
 };
 
 /// Static equilibrium of a `model: static` deck, linearised there.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/consistency.h"
 
-#include <Eigen/LU>
 #include <Eigen/QR>
 
 #include <cmath>
@@ -9,13 +8,11 @@
 #include <stdexcept>
 
 #include "mbdae/dae/analyses.h"
+#include "mbdae/dae/linear_algebra.h"
 
 namespace mbdae {
 
 namespace {
-
-// Reciprocal condition numbers below this mean a singular matrix: rows and columns differ by at most about 1e6 in size.
-constexpr double kSingular = 1e-15;
 
 std::string amount(double value, const std::string& unit) {
   std::ostringstream out;
@@ -55,7 +52,8 @@ void check_constraints(const Model& model, const State& state) {
   if (!(violation <= kConstraintTolerance)) {
     value = eq.g(first + worst);
     throw ModelError(model.equation_title(first + worst) + " is violated by " +
-                     amount(value, model.equation_unit(first + worst)) + " (at most " + amount(kConstraintTolerance, "") +
+                     amount(value, model.equation_unit(first + worst)) + " (at most " +
+                     amount(kConstraintTolerance, "") +
                      "allowed): correct the node positions and orientations or the joint's geometry");
   }
   const double speed = rates.rate.tail(count).cwiseAbs().maxCoeff(&worst);
@@ -65,17 +63,6 @@ void check_constraints(const Model& model, const State& state) {
                      amount(value, model.equation_unit(first + worst) + "/s") +
                      ": give the nodes velocities that match, or a drive that starts with zero rate");
   }
-}
-
-Eigen::VectorXd robust_solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
-  if (A.rows() == 0) return Eigen::VectorXd(0);
-  const Eigen::PartialPivLU<Eigen::MatrixXd> lu(A);
-  if (lu.rcond() > kSingular) {
-    Eigen::VectorXd x = lu.solve(b);
-    x += lu.solve(b - A * x);
-    return x;
-  }
-  return A.completeOrthogonalDecomposition().solve(b);
 }
 
 Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
@@ -123,8 +110,7 @@ Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
 
   if (!inertia) {
     if (count > 0) {
-      state.y.tail(count) =
-          K.topRightCorner(moving, count).completeOrthogonalDecomposition().solve(rhs.head(moving));
+      state.y.tail(count) = K.topRightCorner(moving, count).completeOrthogonalDecomposition().solve(rhs.head(moving));
     }
     return Eigen::VectorXd::Zero(moving);
   }

@@ -17,15 +17,12 @@ void check_constraints(const Model& model, const State& state);
 
 /// Solves M a + B lambda = f, Phi a = -bias for accelerations and reactions; writes the reactions into state.y.
 ///
-/// Redundant constraints get the reactions of minimum norm. Under `model: static` only B lambda = f is solved, in the least squares
-/// sense. Returns accelerations, 6 per node in deck order (zero where nothing defines them) [m/s^2, rad/s^2].
-/// Throws ModelError if the constraints contradict each other at acceleration level.
+/// Redundant constraints get the reactions of minimum norm. Under `model: static` only B lambda = f is solved, in the
+/// least squares sense. Returns accelerations, 6 per node in deck order (zero where nothing defines them) [m/s^2,
+/// rad/s^2]. Throws ModelError if the constraints contradict each other at acceleration level.
 Eigen::VectorXd solve_accelerations(const Model& model, State& state);
 
 /// A model from a deck, bad decks as ModelError.
 Model make_model(const Deck& deck);
-
-/// Solves A x = b: LU, or the minimum norm least squares solution by rank-revealing QR when A is singular.
-Eigen::VectorXd robust_solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 
 }  // namespace mbdae

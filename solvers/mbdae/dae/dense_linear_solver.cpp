@@ -10,11 +10,11 @@
 #include <new>
 #include <optional>
 
+#include "mbdae/dae/linear_algebra.h"
+
 namespace mbdae {
 
 namespace {
-
-constexpr double kSingular = 1e-15;  // reciprocal condition number
 
 using MatrixMap = Eigen::Map<const Eigen::MatrixXd>;
 using VectorMap = Eigen::Map<Eigen::VectorXd>;
@@ -36,7 +36,7 @@ int setup(SUNLinearSolver solver, SUNMatrix A) {
   self.qr.reset();
   self.lu.compute(matrix);
   if (self.minimum_norm) {
-    if (!(self.lu.rcond() > kSingular)) self.qr.emplace(matrix);
+    if (is_singular(self.lu)) self.qr.emplace(matrix);
   } else if (self.lu.matrixLU().diagonal().cwiseAbs().minCoeff() == 0.0) {
     return SUNLS_LUFACT_FAIL;
   }

@@ -1,4 +1,5 @@
-// SUNDIALS' view of dense matrices and Eigen's LU: a linear solver object that falls back to minimum norm when singular.
+// SUNDIALS' view of dense matrices and Eigen's LU: a linear solver object that falls back to minimum norm when
+// singular.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

@@ -1,5 +1,6 @@
-// The unknowns of IDA, in this order: per node x, quaternion (7); per node v, w (6); reactions lambda; multipliers mu that keep position
-// and velocity constraints both satisfied (Gear, Gupta and Leimkuhler 1985). Equations: docs/theory/integration.md.
+// The unknowns of IDA, in this order: per node x, quaternion (7); per node v, w (6); reactions lambda; multipliers mu
+// that keep position and velocity constraints both satisfied (Gear, Gupta and Leimkuhler 1985). Equations:
+// docs/theory/integration.md.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/ida.h"
@@ -23,13 +24,13 @@ namespace mbdae {
 
 namespace {
 
-// Newton's iteration stops at this part of the local error test, so that constraints hold far better than the tolerance;
-// at tight tolerances round-off [relative to unity] sets the limit, and SUNDIALS' default is never exceeded.
+// Newton's iteration stops at this part of the local error test, so that constraints hold far better than the
+// tolerance; at tight tolerances round-off [relative to unity] sets the limit, and SUNDIALS' default is never exceeded.
 constexpr double kNewtonCoefficient = 1e-3, kRoundOff = 1e-14, kLooseNewton = 0.33;
 
-// Absolute tolerance of reactions [N, N m] and multipliers [m/s, rad/s]. They are algebraic: no local error is estimated for them, and
-// in Newton's iteration they are as exact as the motion; a tight tolerance would only hold it up at very short steps,
-// where round-off in the constraints divided by the step shows in them.
+// Absolute tolerance of reactions [N, N m] and multipliers [m/s, rad/s]. They are algebraic: no local error is
+// estimated for them, and in Newton's iteration they are as exact as the motion; a tight tolerance would only hold it
+// up at very short steps, where round-off in the constraints divided by the step shows in them.
 constexpr double kMultiplierTolerance = 0.1;
 
 constexpr double kRedundant = 1e-9;  // relative size of a constraint's independent part below which it is redundant
@@ -252,8 +253,8 @@ class IdaIntegrator {
       r.segment<6>(velocity_ + 6 * i) = eq_.g.segment<6>(slot.force);
       if (slot.dynamic) {
         const NodeInertia& inertia = model_.inertias()[static_cast<std::size_t>(i)];
-        r.segment<6>(velocity_ + 6 * i) += inertia.mass_matrix(node) * ydot.segment<6>(velocity_ + 6 * i) +
-                                           inertia.velocity_terms(node);
+        r.segment<6>(velocity_ + 6 * i) +=
+            inertia.mass_matrix(node) * ydot.segment<6>(velocity_ + 6 * i) + inertia.velocity_terms(node);
       }
     }
     r.segment(lambda_, reactions_) = eq_.g.tail(reactions_);
@@ -342,9 +343,7 @@ class IdaIntegrator {
   int nodes_ = 0, reactions_ = 0, velocity_ = 0, lambda_ = 0, mu_ = 0, size_ = 0;
 };
 
-Eigen::Map<Eigen::VectorXd> view(const VectorPtr& vector, int size) {
-  return {N_VGetArrayPointer(vector.get()), size};
-}
+Eigen::Map<Eigen::VectorXd> view(const VectorPtr& vector, int size) { return {N_VGetArrayPointer(vector.get()), size}; }
 
 }  // namespace
 
@@ -379,8 +378,8 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
     throw std::bad_alloc();
   }
   IDASetErrHandlerFn(ida.get(), ignore_message, nullptr);
-  IDASetNonlinConvCoef(
-      ida.get(), std::clamp(kRoundOff / std::min(options.rtol, options.atol), kNewtonCoefficient, kLooseNewton));
+  IDASetNonlinConvCoef(ida.get(),
+                       std::clamp(kRoundOff / std::min(options.rtol, options.atol), kNewtonCoefficient, kLooseNewton));
   IDASetInitStep(ida.get(), std::min(h, kFirstStep * std::sqrt(options.rtol)));
   IDASetMaxNumSteps(ida.get(), kStepsPerOutput);
   IDASetStopTime(ida.get(), settings.final_time);

@@ -41,8 +41,9 @@ Motion integrate(const Deck& deck, const IntegrateOptions& options) {
     throw ModelError("unknown integrator '" + options.integrator + "': use 'ida' or 'ms'");
   }
   if (deck.control.static_model) {
-    throw ModelError("a deck with `model: static;` has no motion to integrate: remove the card or ask for the "
-                     "static equilibrium");
+    throw ModelError(
+        "a deck with `model: static;` has no motion to integrate: remove the card or ask for the "
+        "static equilibrium");
   }
   const InitialValueData settings = settings_of(deck, options);
   if (options.integrator == "ms" && settings.method == MethodKind::other) {

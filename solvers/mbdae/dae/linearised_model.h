@@ -14,7 +14,7 @@ struct UnknownInfo {
   std::string name;  ///< `hand_l.x`, `wrist_l.reaction[2]`
   std::string kind;  ///< position, rotation, momentum, momenta_moment, reaction
   std::string unit;
-  int owner = 0;     ///< label of the node or joint
+  int owner = 0;  ///< label of the node or joint
 };
 
 struct InputInfo {
@@ -64,7 +64,7 @@ struct LinearisedModel {
 
 /// A time history: one row of `data` per instant, one column per channel.
 struct Motion {
-  std::vector<double> time;  ///< [s]
+  std::vector<double> time;         ///< [s]
   std::vector<InputInfo> channels;  ///< name (`lever.gz`, `grip_l.reaction[1]`, `muscle[delt1_l].force`) and unit
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> data;
 };

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/multistep.h"
 
-#include <Eigen/LU>
-
 #include <cmath>
 #include <sstream>
 
-#include "mbdae/dae/consistency.h"
+#include "mbdae/dae/linear_algebra.h"
 #include "mbdae/dae/recorder.h"
 
 namespace mbdae {
@@ -101,8 +99,8 @@ class Stepper {
     eq_.g.cwiseAbs().maxCoeff(&worst);
     std::ostringstream out;
     out << "time step to t = " << next.state.t << " s did not converge in " << settings_.max_iterations
-        << " iterations (residual " << norm << ", wanted " << settings_.tolerance << "): "
-        << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " " << model_.equation_unit(worst)
+        << " iterations (residual " << norm << ", wanted " << settings_.tolerance
+        << "): " << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " " << model_.equation_unit(worst)
         << "; use a shorter time step";
     throw NotConverged(out.str());
   }

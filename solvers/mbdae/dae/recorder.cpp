@@ -11,17 +11,17 @@ namespace mbdae {
 namespace {
 
 constexpr std::array<std::pair<const char*, const char*>, 12> kNodeChannels{{{"x", "m"},
-                                                                            {"y", "m"},
-                                                                            {"z", "m"},
-                                                                            {"gx", "rad"},
-                                                                            {"gy", "rad"},
-                                                                            {"gz", "rad"},
-                                                                            {"vx", "m/s"},
-                                                                            {"vy", "m/s"},
-                                                                            {"vz", "m/s"},
-                                                                            {"wx", "rad/s"},
-                                                                            {"wy", "rad/s"},
-                                                                            {"wz", "rad/s"}}};
+                                                                             {"y", "m"},
+                                                                             {"z", "m"},
+                                                                             {"gx", "rad"},
+                                                                             {"gy", "rad"},
+                                                                             {"gz", "rad"},
+                                                                             {"vx", "m/s"},
+                                                                             {"vy", "m/s"},
+                                                                             {"vz", "m/s"},
+                                                                             {"wx", "rad/s"},
+                                                                             {"wy", "rad/s"},
+                                                                             {"wz", "rad/s"}}};
 
 std::vector<InputInfo> all_channels(const Model& model) {
   std::vector<InputInfo> out;
@@ -83,8 +83,8 @@ void MotionRecorder::record(const State& state) {
 }
 
 Motion MotionRecorder::take() {
-  motion_.data = Eigen::Map<const decltype(motion_.data)>(values_.data(), static_cast<Eigen::Index>(motion_.time.size()),
-                                                          static_cast<Eigen::Index>(columns_.size()));
+  motion_.data = Eigen::Map<const decltype(motion_.data)>(
+      values_.data(), static_cast<Eigen::Index>(motion_.time.size()), static_cast<Eigen::Index>(columns_.size()));
   return std::move(motion_);
 }
 

@@ -4,14 +4,12 @@
 #include <kinsol/kinsol.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
-#include <Eigen/LU>
-
 #include <algorithm>
 #include <cmath>
 #include <new>
 #include <sstream>
 
-#include "mbdae/dae/consistency.h"
+#include "mbdae/dae/linear_algebra.h"
 
 namespace mbdae {
 

@@ -29,8 +29,8 @@ class StaticSolver {
   void apply(const Eigen::VectorXd& u);
   void residual(const Eigen::VectorXd& u, Eigen::Ref<Eigen::VectorXd> F);
   void jacobian(const Eigen::VectorXd& u, Eigen::Ref<Eigen::MatrixXd> J);
-  bool newton();                 // KINSOL, then polishing steps; true if converged to the tolerance
-  bool homotopy();               // from the present state, in steps
+  bool newton();    // KINSOL, then polishing steps; true if converged to the tolerance
+  bool homotopy();  // from the present state, in steps
   double unbalance(const State& state);
   std::string worst_equation();  // of the last residual
 

@@ -18,10 +18,10 @@ namespace mbdae {
 
 /// Pose and velocity of a node, global components.
 struct NodeMotion {
-  Vec3 x = Vec3::Zero();          ///< [m]
+  Vec3 x = Vec3::Zero();  ///< [m]
   Mat3 R = Mat3::Identity();
-  Vec3 v = Vec3::Zero();          ///< [m/s]
-  Vec3 w = Vec3::Zero();          ///< [rad/s]
+  Vec3 v = Vec3::Zero();  ///< [m/s]
+  Vec3 w = Vec3::Zero();  ///< [rad/s]
 };
 
 /// Everything a residual depends on.

@@ -84,8 +84,7 @@ MuscleValue evaluate(const MuscleLaw& law, double t, double eps, double eps_rate
   const double S = unit.value * reference_activation, S_x = unit.slope * reference_activation;
   const double active = f2.value * a + S;
   out.force = law.prestress + law.F0 * (f1.value * active + f3.value);
-  out.stiffness =
-      law.F0 * (f1.slope * active + f1.value * (f2.value * a_x + S_x) + f3.slope) * length_ratio;
+  out.stiffness = law.F0 * (f1.slope * active + f1.value * (f2.value * a_x + S_x) + f3.slope) * length_ratio;
   out.damping = law.ergonomy ? 0.0 : law.F0 * f1.value * (f2.slope * a + f2.value * a_v) * velocity_ratio;
   out.by_activation = law.F0 * f1.value * (f2.value * a_a + unit.value);
   return out;

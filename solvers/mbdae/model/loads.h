@@ -39,8 +39,8 @@ class NodeInertia final : public Element {
  private:
   NodeSlot node_;
   double m_ = 0.0;
-  Vec3 S_ = Vec3::Zero();   ///< static moment in the node frame [kg m]
-  Mat3 J_ = Mat3::Zero();   ///< inertia about the node, node axes [kg m^2]
+  Vec3 S_ = Vec3::Zero();  ///< static moment in the node frame [kg m]
+  Mat3 J_ = Mat3::Zero();  ///< inertia about the node, node axes [kg m^2]
   const VectorDrive<3>* gravity_;
 };
 

@@ -41,7 +41,7 @@ class Model {
   explicit Model(const Deck& deck);
 
   const Deck& deck() const { return deck_; }
-  int size() const { return size_; }                    ///< number of unknowns
+  int size() const { return size_; }                      ///< number of unknowns
   int reaction_start() const { return reaction_start_; }  ///< first reaction
   int reaction_count() const { return size_ - reaction_start_; }
   const std::vector<NodeSlot>& slots() const { return slots_; }

@@ -10,9 +10,9 @@ namespace mbdae {
 
 std::string joint_type(const JointData& joint) {
   static constexpr std::array<const char*, std::variant_size_v<JointKind>> kTypes{
-      "clamp",        "spherical hinge", "spherical pin", "revolute hinge",  "revolute pin",
-      "cardano hinge", "cardano pin",    "in line",       "total joint",     "total pin joint",
-      "rod",          "deformable hinge", "deformable joint"};
+      "clamp",         "spherical hinge",  "spherical pin",   "revolute hinge", "revolute pin",
+      "cardano hinge", "cardano pin",      "in line",         "total joint",    "total pin joint",
+      "rod",           "deformable hinge", "deformable joint"};
   return kTypes[joint.kind.index()];
 }
 
@@ -69,7 +69,8 @@ std::string Model::equation_title(int k) const {
   if (p.node >= 0) {
     const NodeSlot& slot = slots_[static_cast<std::size_t>(p.node)];
     out << kEquations[static_cast<std::size_t>(p.component / 3 + (slot.dynamic ? 0 : 2))] << " of node "
-        << deck_.nodes[static_cast<std::size_t>(p.node)].id.name << " along " << "xyz"[p.component % 3];
+        << deck_.nodes[static_cast<std::size_t>(p.node)].id.name << " along "
+        << "xyz"[p.component % 3];
     return out.str();
   }
   const ConstraintEntry& entry = constraints_[static_cast<std::size_t>(p.constraint)];

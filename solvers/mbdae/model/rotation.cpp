@@ -28,7 +28,7 @@ struct Coefficient {
 };
 
 Coefficient coefficient_a(double s) {
-  static constexpr double series[] = {1.0 / 2,       -1.0 / 24,         1.0 / 720,          -1.0 / 40320,
+  static constexpr double series[] = {1.0 / 2,       -1.0 / 24,         1.0 / 720,         -1.0 / 40320,
                                       1.0 / 3628800, -1.0 / 479001600., 1.0 / 87178291200.};
   static constexpr double slope[] = {-1.0 / 24,      2.0 / 720,         -3.0 / 40320,
                                      4.0 / 3628800., -5.0 / 479001600., 6.0 / 87178291200.};
@@ -38,7 +38,7 @@ Coefficient coefficient_a(double s) {
 }
 
 Coefficient coefficient_b(double s) {
-  static constexpr double series[] = {1.0 / 6,         -1.0 / 120,         1.0 / 5040,           -1.0 / 362880,
+  static constexpr double series[] = {1.0 / 6,         -1.0 / 120,         1.0 / 5040,          -1.0 / 362880,
                                       1.0 / 39916800., -1.0 / 6227020800., 1.0 / 1307674368000.};
   static constexpr double slope[] = {-1.0 / 120,      2.0 / 5040,         -3.0 / 362880,
                                      4.0 / 39916800., -5.0 / 6227020800., 6.0 / 1307674368000.};
@@ -53,10 +53,13 @@ Coefficient coefficient_c(double s) {
                                       1.0 / 30240,        1.0 / 1209600,
                                       1.0 / 47900160.,    691.0 / 1307674368000.,
                                       1.0 / 74724249600., 3617.0 / 10670622842880000.};
-  static constexpr double slope[] = {1.0 / 720,       2.0 / 30240,
-                                     3.0 / 1209600,   4.0 / 47900160.,
+  static constexpr double slope[] = {1.0 / 720,
+                                     2.0 / 30240,
+                                     3.0 / 1209600,
+                                     4.0 / 47900160.,
                                      5.0 * 691.0 / 1307674368000.,
-                                     6.0 / 74724249600., 7.0 * 3617.0 / 10670622842880000.};
+                                     6.0 / 74724249600.,
+                                     7.0 * 3617.0 / 10670622842880000.};
   if (s < kSeries) return {horner(series, 8, s), horner(slope, 7, s)};
   const double phi = std::sqrt(s), half = 0.5 * phi, sine = std::sin(half), cot = std::cos(half) / sine;
   return {(1.0 - half * cot) / s, (-2.0 / phi + (half / (sine * sine) + cot) / 2.0) / (2.0 * s * phi)};

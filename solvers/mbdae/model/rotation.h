@@ -1,7 +1,7 @@
 // Rotations: exponential, logarithm, their tangent maps, and the Cayley-Gibbs-Rodrigues increments of the unknowns.
 //
-// With theta a rotation vector [rad]: d exp(theta x) = (Gamma(theta) dtheta) x exp(theta x). Sources: standard results on
-// the rotation group; every function is checked against finite differences in tests/test_model_rotation.cpp.
+// With theta a rotation vector [rad]: d exp(theta x) = (Gamma(theta) dtheta) x exp(theta x). Sources: standard results
+// on the rotation group; every function is checked against finite differences in tests/test_model_rotation.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

@@ -12,8 +12,8 @@ constexpr std::array<TotalComponent, 3> kNone{TotalComponent::inactive, TotalCom
 
 // E = Rr^T R2 R2hr exp(Theta)^T = exp(theta): theta is the constraint.
 struct TotalConstraint::Relative {
-  Mat3 Rr;             // rotation frame in node 1, global
-  Vec3 Theta;          // imposed rotation vector
+  Mat3 Rr;     // rotation frame in node 1, global
+  Vec3 Theta;  // imposed rotation vector
   Mat3 E;
   Vec3 theta;
   Mat3 gamma_inverse;  // of theta
@@ -211,9 +211,8 @@ void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tange
     const Vec3 omega = Rr.transpose() * w21 - turning;
     theta_rate = rel.gamma_inverse * omega;
     const Mat3 by_theta = rotation_gamma_inverse_derivative(rel.theta, omega);
-    const Vec3 turning_rate =
-        omega.cross(turning) + rel.E * (rotation_gamma(rel.Theta) * second +
-                                        rotation_gamma_derivative(rel.Theta, rate) * rate);
+    const Vec3 turning_rate = omega.cross(turning) + rel.E * (rotation_gamma(rel.Theta) * second +
+                                                              rotation_gamma_derivative(rel.Theta, rate) * rate);
     theta_bias = rel.gamma_inverse * (Rr.transpose() * (-n1.w.cross(w21)) - turning_rate) + by_theta * theta_rate;
     if (tangent) {
       const Mat3 by_delta = rel.gamma_inverse * skew(turning) + by_theta * rel.gamma_inverse;

@@ -47,8 +47,8 @@ class TotalConstraint final : public Constraint {
   Relative relative_rotation(const State& state) const;
 
   NodeSlot node1_, node2_;
-  Vec3 f2_ = Vec3::Zero();           ///< point in node 2
-  Vec3 origin_ = Vec3::Zero();       ///< components of R^T b1 at zero drive
+  Vec3 f2_ = Vec3::Zero();      ///< point in node 2
+  Vec3 origin_ = Vec3::Zero();  ///< components of R^T b1 at zero drive
   Mat3 R1h_, R1hr_, R2hr_;
   VectorDrive<3> position_drive_, rotation_drive_;
   std::vector<Row> rows_;

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/dae/linear_algebra.h"
+
+#include <Eigen/QR>
+
+namespace mbdae {
+
+namespace {
+
+// Smallest to largest pivot, and reciprocal condition number: the rows and columns of our matrices (masses,
+// stiffnesses, unit constraint gradients) differ by at most about 1e8 in size.
+constexpr double kSingular = 1e-15;
+
+}  // namespace
+
+bool is_singular(const Eigen::PartialPivLU<Eigen::MatrixXd>& lu) {
+  const auto pivots = lu.matrixLU().diagonal().cwiseAbs();
+  // Eigen's condition estimate passes over pivots that are exactly zero.
+  return !(pivots.minCoeff() > kSingular * pivots.maxCoeff()) || !(lu.rcond() > kSingular);
+}
+
+Eigen::VectorXd robust_solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
+  if (A.rows() == 0) return Eigen::VectorXd(0);
+  const Eigen::PartialPivLU<Eigen::MatrixXd> lu(A);
+  if (is_singular(lu)) return A.completeOrthogonalDecomposition().solve(b);
+  Eigen::VectorXd x = lu.solve(b);
+  x += lu.solve(b - A * x);
+  return x;
+}
+
+}  // namespace mbdae

@@ -1,0 +1,18 @@
+// Linear systems that may be singular: redundant constraints, directions that nothing resists.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+namespace mbdae {
+
+/// True if the factorised matrix is singular to working precision.
+bool is_singular(const Eigen::PartialPivLU<Eigen::MatrixXd>& lu);
+
+/// Solves A x = b: LU with one step of refinement, or the minimum norm least squares solution by rank-revealing QR when
+/// A is singular.
+Eigen::VectorXd robust_solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+
+}  // namespace mbdae
