@@ -1,0 +1,88 @@
+"""Draw the figures of docs/validation.md again: `python docs/figures/draw.py` (about two minutes).
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from pilotgen.figures import style
+from pilotgen.figures.identification import identification
+from pilotgen.identify import identify
+from pilotgen.pipeline import Evaluation, Workbench, evaluate
+from pilotgen.plant import full_order_response
+from pilotgen.study import read_study
+
+HERE = Path(__file__).parent
+STUDY = HERE.parent / "studies" / "puma-bmi.yaml"
+LOW_HZ, HIGH_HZ = 0.1, 20.0
+
+
+@style.styled
+def projection() -> None:
+    """projection.png: the exact feedthrough, eq. (31) as printed, the full-order response; and the loops."""
+    study = read_study(STUDY)
+    found: dict[str, Evaluation] = {}
+    for name in ("exact", "literal"):
+        own = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, projection=name))
+        with Workbench(own) as bench:
+            outcome = evaluate(bench, study.nominal)
+        assert isinstance(outcome, Evaluation), outcome
+        found[name] = outcome
+    looks = {
+        "exact": ("exact", style.BLUE, "-"),
+        "literal": ("eq. (31) as printed", style.VERMILLION, (0, (4, 2))),
+    }
+    grid = np.geomspace(LOW_HZ, HIGH_HZ, 400)
+    points = np.geomspace(LOW_HZ, HIGH_HZ, 19)
+    plant = found["exact"].pilot_model.plant
+    assert plant is not None
+    full = 1e3 * study.inceptor.lever_length_m * full_order_response(plant, 2.0 * np.pi * points)[:, 0]
+    figure = style.new_figure(5.4)
+    (magnitude, loop), (phase, angle) = figure.subplots(2, 2, sharex=True, height_ratios=(1.25, 1.0))
+    for name, (label, color, line) in looks.items():
+        outcome = found[name]
+        H = 1e3 * outcome.pilot_model.grip_motion(2.0 * np.pi * grid)
+        L = outcome.loop.response(2.0 * np.pi * grid)
+        magnitude.plot(grid, np.abs(H), color=color, linestyle=line, label=label)
+        phase.plot(grid, np.degrees(np.unwrap(np.angle(H))), color=color, linestyle=line)
+        verdict = outcome.margins
+        state = "stable" if verdict.stable else "UNSTABLE"
+        text = f"{label}: {state}, gain margin {verdict.gain_margin_db:.1f} dB".replace("-", "−")
+        loop.plot(grid, 20.0 * np.log10(np.abs(L)), color=color, linestyle=line, label=text)
+        angle.plot(grid, np.degrees(np.unwrap(np.angle(L))), color=color, linestyle=line)
+    magnitude.plot(points, np.abs(full), "o", color=style.BLACK, markersize=3.5, label="full order, every unknown")
+    phase.plot(points, np.degrees(np.unwrap(np.angle(full))), "o", color=style.BLACK, markersize=3.5)
+    magnitude.set_yscale("log")
+    magnitude.set_title("seat acceleration → collective grip, without washout")
+    magnitude.set_ylabel("grip motion [mm per m/s²]")
+    magnitude.legend(loc="lower left")
+    loop.set_title("loop with the Puma, washout included")
+    loop.set_ylabel("|L| [dB]")
+    loop.axhline(0.0, color=style.BLACK, linewidth=0.9, zorder=1)
+    loop.set_ylim(-60.0, 30.0)
+    loop.legend(loc="lower left")
+    for axes in (phase, angle):
+        axes.set_ylabel("phase [deg]")
+        style.frequency_axis(axes, LOW_HZ, HIGH_HZ)
+    style.save(figure, HERE / "projection.png")
+
+
+def shaken() -> None:
+    """identification.png: the virtual tests at three amplitudes, muscles clipped and not."""
+    study = read_study(STUDY)
+    with Workbench(study) as bench:
+        found = identify(bench, study.nominal, amplitudes_m_s2=(0.05, 1.0, 3.0), activation_check=True)
+    style.save(identification(found), HERE / "identification.png")
+
+
+if __name__ == "__main__":
+    projection()
+    shaken()
