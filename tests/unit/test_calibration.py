@@ -6,8 +6,10 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +158,23 @@ def test_too_much_tonic_activity_is_told(mbdae: Path) -> None:
     tonic = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, activation_floor=0.15))
     with Workbench(tonic, mbdae=str(mbdae)) as bench, pytest.raises(EvaluationError, match=r"activation_floor"):
         fit_gains(Subject(bench, references().pilots[FITTED].values), references().pilots[FITTED].measured)
+
+
+def test_the_command(mbdae: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from pilotgen.cli import main
+
+    out = tmp_path / "calibration"
+    assert main(["calibrate", str(STUDY), "-o", str(out), "--no-sensitivities", "--mbdae", str(mbdae)]) == 0
+    assert "ectomorphic" in capsys.readouterr().out
+    assert yaml.safe_load((out / "reflex.yaml").read_text())["tasks"]["position"]["proportional_gain"] > 1.0
+    assert len(json.loads((out / "calibration.json").read_text())["pilots"]) == 2
+    # what is shipped is what the command makes
+    shipped = Path(str(resources.files("pilotgen") / "data" / "reflex.yaml"))
+    assert (out / "reflex.yaml").read_text() == shipped.read_text()
+
+
+def test_mayo_s_pilots_have_no_reflexes(capsys: pytest.CaptureFixture[str]) -> None:
+    from pilotgen.cli import main
+
+    assert main(["calibrate", str(STUDY.with_name("puma-mayo.yaml"))]) == 1
+    assert "has no reflexes" in capsys.readouterr().err
