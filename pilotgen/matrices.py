@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import h5py
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pilotgen.descriptor import DescriptorModel, Floats, make_descriptor
 from pilotgen.errors import FileError, MatrixError
+from pilotgen.layout import Layout, Sample, compare, take_sample
 
 FILETYPE = "pilotgen matrices"
 VERSION = (1, 0)
@@ -211,7 +212,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     path : path
         The file.
     complete : bool
-        Read and check every table now. With False the file stays open, and columns are read from it when first used.
+        Read and check every table now. With False columns are read when first used, from the file as it is now.
 
     Raises
     ------
@@ -220,68 +221,206 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     MatrixError
         It is not a matrices file, is of another version, or a dataset is missing, misshapen or not finite.
     """
-    text_path = os.fspath(path)
-    file = _open(text_path)
-    tables = _FileTables(file, text_path)
+    source = _open_source(os.fspath(path), may_map=not complete)
     try:
-        _check_stranger(file, text_path)
-        J_plus = _read(file, text_path, "J_plus")
-        if J_plus.ndim != 2 or J_plus.shape[0] != J_plus.shape[1] or J_plus.shape[0] == 0:
-            raise MatrixError(f"{text_path}: dataset 'J_plus' has shape {J_plus.shape}; expected a square matrix")
-        n = J_plus.shape[0]
-        matrices = Matrices(
-            path=text_path,
-            solver=_attribute(file, text_path, "solver"),
-            deck_sha256=_attribute(file, text_path, "deck_sha256"),
-            analysis=_attribute(file, text_path, "analysis"),
-            c=float(_shaped(_read(file, text_path, "c"), text_path, "c", ())),
-            time=float(_shaped(_read(file, text_path, "time"), text_path, "time", ())),
-            J_plus=J_plus,
-            J_minus=_shaped(_read(file, text_path, "J_minus"), text_path, "J_minus", (n, n)),
-            names=_shaped(_read(file, text_path, "dofs/name"), text_path, "dofs/name", (n,)),
-            kinds=_shaped(_read(file, text_path, "dofs/kind"), text_path, "dofs/kind", (n,)),
-            _table=tables,
-        )
-        if not matrices.c > 0.0:
-            raise MatrixError(f"{text_path}: dataset 'c' is {matrices.c:g} s; expected a positive coefficient")
-        tables.n = n
+        matrices = _core(source)
         if complete:
             for group in (*_VECTORS, *_TABLES):
-                matrices.__dict__[group] = _read_table(file, text_path, group, n)
+                matrices.__dict__[group] = _read_table(source, group, matrices.n)
     except BaseException:
-        file.close()
+        source.close()
         raise
     if complete:
-        file.close()
+        source.close()
     return matrices
 
 
-class _FileTables:
-    """Reads a table of an open file when it is asked for; the file is closed with the last reference to this."""
+def _core(source: _Source) -> Matrices:
+    J_plus = source.read("J_plus")
+    if J_plus.ndim != 2 or J_plus.shape[0] != J_plus.shape[1] or J_plus.shape[0] == 0:
+        raise MatrixError(f"{source.path}: dataset 'J_plus' has shape {J_plus.shape}; expected a square matrix")
+    n = J_plus.shape[0]
+    matrices = Matrices(
+        path=source.path,
+        solver=source.attribute("solver"),
+        deck_sha256=source.attribute("deck_sha256"),
+        analysis=source.attribute("analysis"),
+        c=float(_shaped(source, "c", ())),
+        time=float(_shaped(source, "time", ())),
+        J_plus=J_plus,
+        J_minus=_shaped(source, "J_minus", (n, n)),
+        names=_shaped(source, "dofs/name", (n,)),
+        kinds=_shaped(source, "dofs/kind", (n,)),
+        _table=_SourceTables(source, n),
+    )
+    if not matrices.c > 0.0:
+        raise MatrixError(f"{source.path}: dataset 'c' is {matrices.c:g} s; expected a positive coefficient")
+    return matrices
 
-    def __init__(self, file: h5f.FileID, path: str) -> None:
-        self._file, self._path, self.n = file, path, 0
+
+@dataclass(frozen=True)
+class _SourceTables:
+    """Reads a vector or table when it is asked for."""
+
+    source: _Source
+    n: int
 
     def __call__(self, group: str) -> Any:
         if group in _VECTORS:
-            return _read_table(self._file, self._path, group, self.n)
-        return _LazyTable(self._file, self._path, group, self.n)
+            return _read_table(self.source, group, self.n)
+        return _LazyTable(self.source, group, self.n)
 
 
 class _LazyTable:
-    """Stands for a table (`NodeTable`, ...) of an open file: a column is read and checked when it is first used."""
+    """Stands for a table (`NodeTable`, ...): a column is read and checked when it is first used."""
 
-    def __init__(self, file: h5f.FileID, path: str, group: str, n: int) -> None:
-        self._file, self._path, self._group, self._n = file, path, group, n
+    def __init__(self, source: _Source, group: str, n: int) -> None:
+        self._source, self._group, self._n = source, group, n
         self._length: int | None = None
 
     def __getattr__(self, name: str) -> Any:
         shapes = _TABLES[self._group][1]
         if name not in shapes:
             raise AttributeError(f"table '{self._group}' has no column '{name}'")
-        value, self._length = _read_column(self._file, self._path, self._group, name, self._n, self._length)
+        value, self._length = _read_column(self._source, self._group, name, self._n, self._length)
         self.__dict__[name] = value
         return value
+
+
+def _shaped(source: _Source, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    value = source.read(name)
+    if value.shape != shape:
+        raise MatrixError(f"{source.path}: dataset '{name}' has shape {value.shape}; expected {shape}")
+    return value
+
+
+def _read_table(source: _Source, group: str, n: int) -> Any:
+    if group in _VECTORS:
+        return _shaped(source, group, (n,))
+    table, shapes = _TABLES[group]
+    length: int | None = None
+    columns: dict[str, NDArray[Any]] = {}
+    for name in shapes:
+        columns[name], length = _read_column(source, group, name, n, length)
+    return table(**columns)
+
+
+def _read_column(source: _Source, group: str, name: str, n: int, length: int | None) -> tuple[NDArray[Any], int]:
+    """Return a column and the table's length, which the first column that is read (`length` None) decides."""
+    value = source.read(f"{group}/{name}")
+    symbolic = _TABLES[group][1][name]
+    if length is None:
+        place = symbolic.index("k")
+        length = value.shape[place] if value.ndim > place else 0
+    shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
+    if value.shape != shape:
+        raise MatrixError(f"{source.path}: dataset '{group}/{name}' has shape {value.shape}; expected {shape}")
+    return value, length
+
+
+# ---- where datasets come from
+
+
+class _Source(Protocol):
+    """An open file."""
+
+    path: str
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Return the dataset as float64, int64 or bytes, whichever its name says, and finite."""
+
+    def attribute(self, name: str) -> str:
+        """Return the text attached to the root group."""
+
+    def close(self) -> None:
+        """Let go of the file; so does the last reference."""
+
+
+class _Hdf5Source:
+    """A file opened with the HDF5 library."""
+
+    def __init__(self, file: h5f.FileID, path: str) -> None:
+        self._file, self.path = file, path
+
+    def read(self, name: str) -> NDArray[Any]:
+        return _read(self._file, self.path, name)
+
+    def attribute(self, name: str) -> str:
+        return _attribute(self._file, self.path, name)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class _MappedSource:
+    """The bytes of a file whose layout is known."""
+
+    def __init__(self, data: bytes, layout: Layout, path: str) -> None:
+        self._data, self._layout, self.path = data, layout, path
+
+    def read(self, name: str) -> NDArray[Any]:
+        return _finite(self._layout.datasets[name].read(self._data), self.path, name)
+
+    def attribute(self, name: str) -> str:
+        return self._layout.deck_hash(self._data) if name == "deck_sha256" else self._layout.attributes[name]
+
+    def close(self) -> None:
+        pass
+
+
+_PAIRS_TO_COMPARE = 5  # files of one size that are looked at in search of a common layout, before it is given up
+_layouts: dict[int, Layout] = {}  # by size of the file
+_samples: dict[int, Sample] = {}
+_looked_at: dict[int, int] = {}
+
+
+def _open_source(path: str, may_map: bool) -> _Source:
+    data = b""
+    if may_map:
+        try:
+            with open(path, "rb", buffering=0) as plain:
+                data = plain.read()
+        except OSError:
+            pass  # the library's way below says what is wrong
+        layout = _layouts.get(len(data))
+        if layout is not None and layout.fits(data):
+            return _MappedSource(data, layout, path)
+    file = _open(path)
+    try:
+        _check_stranger(file, path)
+    except BaseException:
+        file.close()
+        raise
+    if data:
+        _learn(data)
+    return _Hdf5Source(file, path)
+
+
+def _learn(data: bytes) -> None:
+    """Compare a file with an earlier one of its size; the first file of a size costs nothing."""
+    size = len(data)
+    _looked_at[size] = _looked_at.get(size, 0) + 1
+    if not 1 < _looked_at[size] <= 1 + _PAIRS_TO_COMPARE:
+        return
+    sample, earlier = take_sample(data), _samples.get(size)
+    layout = compare(earlier, sample) if earlier is not None and sample is not None else None
+    if sample is not None:
+        _samples[size] = sample
+    # A layout is used for what the reading below would accept: all datasets there, of the right kinds.
+    if layout is not None and all(_kind_is_right(name, layout) for name in _all_datasets()):
+        _layouts[size] = layout
+        del _samples[size]
+
+
+def _all_datasets() -> list[str]:
+    core = ["J_plus", "J_minus", "c", "time", "dofs/name", "dofs/kind", *_VECTORS]
+    return core + [f"{group}/{name}" for group, (_, shapes) in _TABLES.items() for name in shapes]
+
+
+def _kind_is_right(name: str, layout: Layout) -> bool:
+    dataset, leaf = layout.datasets.get(name), name.rpartition("/")[2]
+    wanted = "S" if leaf in _STRING_DATASETS else "i" if leaf in _INTEGER_DATASETS else "f"
+    return dataset is not None and dataset.dtype.kind == wanted
 
 
 def _open(path: str) -> h5f.FileID:
@@ -360,40 +499,14 @@ def _read(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
     value = np.empty(dataset.get_space().get_simple_extent_dims(), dtype)
     if value.size:
         dataset.read(h5s.ALL, h5s.ALL, value, memory_type)
+    return _finite(value, path, name)
+
+
+def _finite(value: NDArray[Any], path: str, name: str) -> NDArray[Any]:
     if value.dtype.kind == "f" and not np.isfinite(value).all():
         where = np.argwhere(~np.isfinite(value))[0]
         raise MatrixError(f"{path}: dataset '{name}' has {value[tuple(where)]} at {list(map(int, where))}")
     return value
-
-
-def _shaped(value: NDArray[Any], path: str, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    if value.shape != shape:
-        raise MatrixError(f"{path}: dataset '{name}' has shape {value.shape}; expected {shape}")
-    return value
-
-
-def _read_table(file: h5f.FileID, path: str, group: str, n: int) -> Any:
-    if group in _VECTORS:
-        return _shaped(_read(file, path, group), path, group, (n,))
-    table, shapes = _TABLES[group]
-    length: int | None = None
-    columns: dict[str, NDArray[Any]] = {}
-    for name in shapes:
-        columns[name], length = _read_column(file, path, group, name, n, length)
-    return table(**columns)
-
-
-def _read_column(
-    file: h5f.FileID, path: str, group: str, name: str, n: int, length: int | None
-) -> tuple[NDArray[Any], int]:
-    """Return a column and the table's length, which the first column that is read (`length` None) decides."""
-    value = _read(file, path, f"{group}/{name}")
-    symbolic = _TABLES[group][1][name]
-    if length is None:
-        place = symbolic.index("k")
-        length = value.shape[place] if value.ndim > place else 0
-    shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
-    return _shaped(value, path, f"{group}/{name}", shape), length  # type: ignore[arg-type]
 
 
 # ---- writing

@@ -53,6 +53,13 @@ void write_attribute(std::int64_t owner, const std::string& name, std::int64_t t
   if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
 }
 
+/// Creation properties without times: a file depends on what is in it, not on when it was written.
+Hdf5Handle timeless(std::int64_t property_class) {
+  Hdf5Handle properties(H5Pcreate(property_class), H5Pclose, "creation properties");
+  H5Pset_obj_track_times(properties.id(), false);
+  return properties;
+}
+
 Hdf5Handle create_in_memory(std::size_t expected_bytes) {
   silence_hdf5();
   const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file access");
@@ -60,7 +67,8 @@ Hdf5Handle create_in_memory(std::size_t expected_bytes) {
   H5Pset_fapl_core(access.id(), std::max<std::size_t>(expected_bytes, 65536), false);
   // The 1.8 format: compact as the latest one, but without its "open for writing" mark, which stays in an image.
   H5Pset_libver_bounds(access.id(), H5F_LIBVER_V18, H5F_LIBVER_V18);
-  return {H5Fcreate("in memory", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose, "file in memory"};
+  const Hdf5Handle creation = timeless(H5P_FILE_CREATE);
+  return {H5Fcreate("in memory", H5F_ACC_TRUNC, creation.id(), access.id()), H5Fclose, "file in memory"};
 }
 
 Hdf5Handle open_root(const Hdf5Handle& file) { return {H5Gopen2(file.id(), "/", H5P_DEFAULT), H5Gclose, "root group"}; }
@@ -103,7 +111,8 @@ Hdf5Handle::Hdf5Handle(Hdf5Handle&& other) noexcept : id_(std::exchange(other.id
 // ---- groups ------------------------------------------------------------------------------------------------------
 
 Hdf5Group Hdf5Group::group(const std::string& name) {
-  return Hdf5Group(Hdf5Handle(H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+  const Hdf5Handle creation = timeless(H5P_GROUP_CREATE);
+  return Hdf5Group(Hdf5Handle(H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Gclose,
                               name.c_str()));
 }
 
@@ -125,8 +134,9 @@ void Hdf5Group::attribute(const std::string& name, double value) {
 void Hdf5Group::write(const std::string& name, std::int64_t file_type, std::int64_t memory_type, const void* data,
                       std::span<const std::uint64_t> dimensions) {
   const Hdf5Handle space = dataspace(dimensions);
+  const Hdf5Handle creation = timeless(H5P_DATASET_CREATE);
   const Hdf5Handle dataset(
-      H5Dcreate2(handle_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
+      H5Dcreate2(handle_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Dclose,
       name.c_str());
   for (const std::uint64_t size : dimensions) {
     if (size == 0) return;  // nothing to write, and `data` may be null
