@@ -1,20 +1,23 @@
 """Workers: evaluate many pilots at once, and outlive any of them.
 
-Work is handed to a `concurrent.futures.Executor`: processes on this machine, or a dask.distributed cluster. A task that
-takes its worker down is tried again alone; one that does so repeatedly comes back as a `WorkerLost`, so that the
-study goes
-on. Results arrive as they finish; what they are does not depend on how many workers there are.
+Work is handed to a `concurrent.futures.Executor` of processes on this machine (`dask_workers` does the same on a
+cluster). A task that takes its worker down is tried again alone; one that does so repeatedly comes back as a
+`WorkerLost`, so that the study goes on. Results arrive as they finish; what they are does not depend on how many
+workers there are. Workers do not outlive the process that started them, however it ends.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
+import multiprocessing.util
 import os
+import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -22,15 +25,45 @@ from typing import Any, Protocol
 # Set in every worker before numpy is imported there: pilots are small, parallelism is over pilots.
 SINGLE_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
-MAX_ATTEMPTS = (
-    3  # a worker can die of an outside cause (out of memory, kill); three deaths on one pilot are no accident
-)
+# A worker can die of an outside cause (out of memory, kill); three deaths on one pilot are no accident.
+MAX_ATTEMPTS = 3
+
+_PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
 def pin_threads() -> None:
     """Ask numerical libraries for one thread; only effective before they are imported."""
     for variable in SINGLE_THREAD_VARIABLES:
         os.environ[variable] = "1"
+
+
+def stop_on_sigterm() -> None:
+    """Have SIGTERM end this process as Ctrl-C does: what was recorded is kept, workers are stopped."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+
+
+def _settle(parent: int, initializer: Callable[[], None] | None) -> None:
+    """Begin of a worker's life: it leaves Ctrl-C to its parent, and goes when told to or when the parent is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # solvers started here inherit this
+    signal.signal(signal.SIGTERM, _leave)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it died before the line above
+        _leave()
+    if initializer is not None:
+        initializer()
+
+
+def _leave(*_: object) -> None:
+    """Clean up (stop the solver, remove the scratch directory) and end."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        multiprocessing.util._run_finalizers(0)  # type: ignore[attr-defined]  # what an orderly end of a worker runs
+    finally:
+        os._exit(0)
 
 
 @dataclass(frozen=True)
@@ -73,11 +106,13 @@ class ProcessWorkers:
     def __init__(self, count: int, initializer: Callable[[], None] | None = None) -> None:
         self.count = count
         self._initializer = initializer
-        self._executor: Executor | None = None
+        self._executor: ProcessPoolExecutor | None = None
 
     def _start(self, count: int) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("fork")  # cheap; this process has no threads of its own when it forks
-        return ProcessPoolExecutor(count, mp_context=context, initializer=self._initializer)
+        return ProcessPoolExecutor(
+            count, mp_context=context, initializer=_settle, initargs=(os.getpid(), self._initializer)
+        )
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         waiting = deque(range(len(tasks)))
@@ -118,6 +153,16 @@ class ProcessWorkers:
                             )
                             continue
                     suspects.append(index)
+            except BaseException:  # interrupted, or nobody wants the rest: what is in the works is not waited for
+                self._stop()
+                raise
+
+    def _stop(self) -> None:
+        """Stop the processes now, whatever they are doing."""
+        if self._executor is not None:
+            for process in list((self._executor._processes or {}).values()):
+                process.terminate()
+            self.close()
 
     def close(self) -> None:
         """Stop the processes; they are waited for."""

@@ -13,9 +13,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-import os
-import shutil
-import tempfile
+import pickle
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,7 +28,7 @@ from pilotgen.biometrics import Biometrics, biometrics_from
 from pilotgen.body import Body, make_body
 from pilotgen.cockpit import Cockpit, check_cockpit, make_cockpit
 from pilotgen.deck import render_direct, render_posture, render_trim
-from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError, StudyError
+from pilotgen.errors import EvaluationError, FileError, MatrixError, PilotgenError, SolverError, StudyError
 from pilotgen.feedthrough import certificate, make_pilot_model, mayo_pilot
 from pilotgen.helicopter import HeaveModel
 from pilotgen.loop import LoopModel
@@ -39,6 +37,7 @@ from pilotgen.matrices import Matrices, read_matrices
 from pilotgen.pilot_model import PilotModel
 from pilotgen.posture import Posture, first_guess, from_poses
 from pilotgen.reflex import reflex_gains
+from pilotgen.scratch import ScratchDirectory
 from pilotgen.solver import SolverClient, SolverReply, find_mbdae, find_mbdyn, run_mbdyn
 from pilotgen.statespace import StateSpaceModel
 from pilotgen.study import Study
@@ -109,9 +108,8 @@ class Workbench:
         self.helicopter = HeaveModel(study.rotorcraft)
         self.solver_seconds = 0.0
         self._client: SolverClient | None = None
-        shared_memory = Path("/dev/shm")
-        root = shared_memory if shared_memory.is_dir() and os.access(shared_memory, os.W_OK) else None
-        self.scratch = Path(tempfile.mkdtemp(prefix="pilotgen-", dir=root))
+        self._scratch = ScratchDirectory()
+        self.scratch = self._scratch.path
 
     @property
     def client(self) -> SolverClient:
@@ -144,7 +142,7 @@ class Workbench:
         if self._client is not None:
             self._client.close()
             self._client = None
-        shutil.rmtree(self.scratch, ignore_errors=True)
+        self._scratch.close()
 
     def __enter__(self) -> Workbench:
         return self
@@ -223,7 +221,7 @@ def solve_pilot(
     c = settings.matrix_coefficient_s
     text = render_trim(body, cockpit, posture, gains=gains, c=c)
     write(TRIM_DECK, text)
-    trim_file = where / "trim.h5"
+    trim_file = bench.scratch / "trim.h5"  # of no use after this page; the deck makes it again
     bench.ask("linearise", text, TRIM_DECK, trim_file)
     trim = read_matrices(trim_file, complete=False)
     activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
@@ -236,11 +234,21 @@ def solve_pilot(
     return SolvedPilot(biometrics, body, cockpit, posture, activations, text, matrices)
 
 
+def _linearised(bench: Workbench, text: str, name: str, path: Path) -> Matrices:
+    """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another."""
+    bench.ask("linearise", text, name, path)
+    try:
+        matrices = read_matrices(path, complete=False)
+    except FileError as error:
+        raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {error}") from None
+    if matrices.deck_sha256 != hashlib.sha256(text.encode()).hexdigest():
+        raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {path.name} is of another deck")
+    return matrices
+
+
 def linearise_direct(bench: Workbench, text: str, where: Path) -> Matrices:
     """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5."""
-    path = where / "matrices.h5"
-    bench.ask("linearise", text, PILOT_DECK, path)
-    matrices = read_matrices(path, complete=False)
+    matrices = _linearised(bench, text, PILOT_DECK, where / "matrices.h5")
     worst = float(np.max(np.abs(matrices.equilibrium_residual)))
     if not worst < EQUILIBRIUM_LIMIT:
         index = int(np.argmax(np.abs(matrices.equilibrium_residual)))
@@ -343,7 +351,8 @@ def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
     if not axes:
         return None
     omega = 2.0 * math.pi * GRIP_FREQUENCY_HZ
-    return {f"{name}_3hz_mrad_per_m_s2": 1e3 * abs(complex(model.response(omega, k, washout=False))) for k, name in axes}
+    rotations = ((name, abs(complex(model.response(omega, k, washout=False)))) for k, name in axes)
+    return {f"{name}_3hz_mrad_per_m_s2": 1e3 * rotation for name, rotation in rotations}
 
 
 # ---- many pilots ---------------------------------------------------------------------------------------------------
@@ -351,9 +360,12 @@ def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
 
 @dataclass(frozen=True)
 class Task:
-    """One pilot for a worker: everything it needs, and nothing that is not picklable."""
+    """One pilot for a worker: everything it needs, quick to send.
 
-    study: Study
+    `study` is a pickled `Study`, always the same bytes for one study: a worker unpickles it once.
+    """
+
+    study: bytes
     values: dict[str, float]
     mbdae: str | None = None
     solver: str = "mbdae"
@@ -372,13 +384,14 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
     tuple
         The result object, and the CPU time spent on it in s: this process and the solver's own account.
     """
-    key = (task.study.canonical(), task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
+    key = (task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
     bench = _BENCHES.get(key)
     if bench is None:
         for old in _BENCHES.values():
             old.close()
         _BENCHES.clear()
-        bench = _BENCHES[key] = Workbench(task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
+        study: Study = pickle.loads(task.study)
+        bench = _BENCHES[key] = Workbench(study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
         _close_at_exit(bench)
     start_cpu, start_solver = time.process_time(), bench.solver_seconds
     outcome: Evaluation | FailedEvaluation
@@ -424,5 +437,6 @@ def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     if study.pilot.model == "multibody":
+        solver_version(mbdae)  # a solver that cannot run is found out now, not by every pilot
         digest.update(find_mbdae(mbdae).read_bytes())
     return digest.hexdigest()

@@ -111,6 +111,7 @@ def measure(bench: Workbench, pilots: list[dict[str, float]]) -> Measured:
         return reply
 
     failed = 0
+    pickled = pickle.dumps(bench.study)
     with tempfile.TemporaryDirectory() as directory, mock.patch.object(Workbench, "ask", timed_ask):
         patches = [
             mock.patch.object(pipeline, name, watch.wrap(stage, getattr(pipeline, name)))
@@ -127,7 +128,7 @@ def measure(bench: Workbench, pilots: list[dict[str, float]]) -> Measured:
                     failed += not isinstance(outcome, Evaluation)
                     with watch.stage(BOOKKEEPING):
                         result = outcome.result
-                        task = pickle.loads(pickle.dumps(Task(bench.study, pilot)))
+                        task = pickle.loads(pickle.dumps(Task(pickled, pilot)))
                         answer = pickle.loads(pickle.dumps((result, 0.0)))[0]
                         key = evaluation_key("0" * 64, task.values)
                         journal.get(key)

@@ -46,9 +46,10 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Sample, write, print."""
-    from pilotgen.executor import pin_threads
+    from pilotgen.executor import pin_threads, stop_on_sigterm
 
     pin_threads()
+    stop_on_sigterm()
     import numpy as np
 
     from pilotgen.campaign import RESULTS_NAME, locked_directory

@@ -49,9 +49,10 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search, write, print."""
-    from pilotgen.executor import pin_threads
+    from pilotgen.executor import pin_threads, stop_on_sigterm
 
     pin_threads()
+    stop_on_sigterm()
     from pilotgen.campaign import RESULTS_NAME, locked_directory
     from pilotgen.pipeline import fingerprint
     from pilotgen.study import read_study
@@ -110,11 +111,15 @@ def make_campaign(
     args: argparse.Namespace, study: Study, journal: Journal, workers: Workers, print_hash: str
 ) -> Campaign:
     """Journal, workers and the task of one pilot, together."""
+    import pickle
+
     from pilotgen.campaign import Campaign
     from pilotgen.pipeline import Task, run_task
 
+    pickled = pickle.dumps(study)
+
     def make_task(values: Mapping[str, float]) -> Task:
-        return Task(study, study.values(values), args.mbdae, args.solver, args.mbdyn, args.time_limit)
+        return Task(pickled, study.values(values), args.mbdae, args.solver, args.mbdyn, args.time_limit)
 
     return Campaign(journal, workers, run_task, make_task, print_hash, args.max_failures, args.retry_failed)
 
