@@ -17,7 +17,7 @@ SEXES = ("male", "female")
 # Sanity of an adult who can hold a stick, not the range of the source data (`Body.extrapolated` says that).
 # estimated: wide enough for every adult in ANSUR II and for the search boxes, narrow enough to catch wrong units.
 AGE_RANGE_YEARS = (18.0, 90.0)
-STATURE_RANGE_M = (1.40, 2.20)
+STATURE_RANGE_M = (1.30, 2.20)
 MASS_RANGE_KG = (35.0, 200.0)
 BMI_RANGE_KG_PER_M2 = (14.0, 50.0)
 

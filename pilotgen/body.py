@@ -49,7 +49,7 @@ class Body:
 
 @dataclass(frozen=True)
 class _Lengths:
-    """Bone lengths [m]: upper arm between shoulder and elbow centres, forearm elbow to wrist, hand wrist to fingertip."""
+    """Bone lengths [m]: upper arm from shoulder to elbow centre, forearm elbow to wrist, hand wrist to fingertip."""
 
     upper_arm: float
     forearm: float
@@ -222,7 +222,8 @@ def _extrapolated(anatomy: _Anatomy, biometrics: Biometrics) -> tuple[str, ...]:
     limit = anatomy.strength["skeletal_muscle_mass"]["valid_below_bmi_kg_per_m2"]
     if biometrics.bmi >= limit:
         said.append(
-            f"BMI {biometrics.bmi:.4g} kg/m^2 is not below {limit:g}: the muscle mass equation was made on non-obese adults"
+            f"BMI {biometrics.bmi:.4g} kg/m^2 is not below {limit:g}: the muscle mass equation was made on non-obese "
+            "adults"
         )
     return tuple(said)
 
@@ -286,7 +287,7 @@ def _segment(name: str, length_m: float, span_m: float, mass_kg: float, row: Ite
 
 @cache
 def _forearm_halves(row: tuple[float, float, float, float]) -> dict[str, tuple[float, tuple[float, ...]]]:
-    """Split the forearm between radius and ulna: share of the mass, and com and gyration radii over the forearm's length.
+    """Split the forearm between radius and ulna: share of the mass, com and gyration radii over the forearm's length.
 
     estimated: soft tissue turns with the radius in proportion to its distance s from the elbow, so that the share s of
     each slice belongs to the radius. The mass per length is linear in s with the forearm's own centre of mass. The
@@ -388,9 +389,9 @@ def _forearm_axis(UH_in_radius: np.ndarray) -> list[float]:
 def _bundles(anatomy: _Anatomy, limb: Limb, lengths: _Lengths) -> tuple[np.ndarray, np.ndarray]:
     """Return the right arm's muscle ends (25, 2, 3) and l0 (25,) [m].
 
-    Ends scale with their own bone, torso points with the humerus. l0 is such that length / l0 at the reference posture is
-    that of the reference subject: muscles grow with the distance they span, so that everybody works on the same part of
-    the force-length curve.
+    Ends scale with their own bone, torso points with the humerus. l0 is such that length / l0 at the reference posture
+    is that of the reference subject: muscles grow with the distance they span, so that everybody works on the same part
+    of the force-length curve.
     """
     reference = anatomy.skeleton["reference_lengths"]
     humerus_scale = lengths.upper_arm / reference["humerus_m"]
@@ -399,7 +400,7 @@ def _bundles(anatomy: _Anatomy, limb: Limb, lengths: _Lengths) -> tuple[np.ndarr
     scale = np.array([humerus_scale, humerus_scale, forearm_scale, forearm_scale, hand_scale])  # as _BODIES
     ends_m = anatomy.ends_m * scale[anatomy.ends_body][:, :, None]
 
-    # The bones at the reference posture. The forearm turns about a line that passes through HR and UH, fixed in both bones.
+    # The bones at the reference posture. The forearm turns about a line through HR and UH, fixed in both bones.
     pronation_deg = anatomy.skeleton["reference_posture"]["pronation_from_anatomical_deg"]
     ulna_at_elbow = limb.anatomical_axes["humerus"].T @ limb.anatomical_axes["ulna"]
     radius_in_ulna = limb.anatomical_axes["ulna"].T @ limb.anatomical_axes["radius"]

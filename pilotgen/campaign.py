@@ -19,6 +19,7 @@ from typing import Any
 
 from pilotgen.errors import FileError, PilotgenError
 from pilotgen.executor import WorkerLost, Workers
+from pilotgen.files import make_directory
 from pilotgen.journal import JOURNAL_NAME, Journal, Record, evaluation_key
 
 RESULTS_NAME = "study.h5"
@@ -38,11 +39,9 @@ def locked_directory(directory: Path, resume: bool) -> Iterator[Path]:
     FileError
         It cannot be created or written, it already holds a study and `resume` is false, or another run is using it.
     """
+    make_directory(directory)
     try:
-        directory.mkdir(parents=True, exist_ok=True)
         handle = os.open(directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except FileExistsError:
-        raise FileError(f"{directory} is a file; the output needs a directory") from None
     except OSError as error:
         raise FileError(
             f"{directory}: cannot be used for output ({error.strerror}); choose a directory you can write to"

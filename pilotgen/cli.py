@@ -18,7 +18,7 @@ from typing import NoReturn
 from pilotgen import __version__
 from pilotgen.errors import EvaluationError, PilotgenError
 
-COMMANDS = ("pilot", "decks", "search", "sample", "compare", "rotorcraft", "calibrate", "identify")
+COMMANDS = ("pilot", "decks", "search", "sample", "compare", "rotorcraft", "calibrate", "identify", "report")
 
 EXIT_ERROR = 1
 EXIT_FAILED = 2

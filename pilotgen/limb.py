@@ -2,9 +2,9 @@
 
 Frames (docs/theory/pilot.md): torso axes x forward, y up, z right with the origin in the limb's own shoulder centre GH.
 Each bone's frame has its origin at the proximal joint centre and y toward proximal; at the anatomical position x points
-forward and z to the pilot's right, roughly. The left arm is the mirror image z -> -z of the right arm: points (x, y, -z),
-frames S R S with S = diag(1, 1, -1). Rotation axes are axial vectors: turning by a positive angle about the stored axis
-(right-hand rule) is the same anatomical motion on both sides.
+forward and z to the pilot's right, roughly. The left arm is the mirror image z -> -z of the right arm: points
+(x, y, -z), frames S R S with S = diag(1, 1, -1). Rotation axes are axial vectors: turning by a positive angle about the
+stored axis (right-hand rule) is the same anatomical motion on both sides.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -31,7 +31,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Muscle:
-    """One straight Hill bundle. Bodies are "torso" (GH-centred torso axes) or a segment name; points in their frames."""
+    """One straight Hill bundle. Bodies are "torso" (torso axes, origin GH) or a segment; points in their axes."""
 
     name: str
     full_name: str

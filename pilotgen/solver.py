@@ -45,7 +45,7 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
     Looked for in this order: `option`, the environment variable PILOTGEN_MBDAE, the installed package, PATH. Something
     named by the first two must be there: it is an error, not a reason to look on.
     """
-    for source, given in (("--solver-path", option), ("PILOTGEN_MBDAE", os.environ.get("PILOTGEN_MBDAE"))):
+    for source, given in (("--mbdae", option), ("PILOTGEN_MBDAE", os.environ.get("PILOTGEN_MBDAE"))):
         if given:
             return _require_executable(Path(given), source)
     packaged = resources.files("pilotgen").joinpath("bin", "mbdae")
@@ -64,7 +64,7 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
 
 def find_mbdyn(option: str | os.PathLike[str] | None = None) -> Path:
     """Return the path of MBDyn's executable: `option`, the environment variable PILOTGEN_MBDYN, or PATH."""
-    for source, given in (("--mbdyn-path", option), ("PILOTGEN_MBDYN", os.environ.get("PILOTGEN_MBDYN"))):
+    for source, given in (("--mbdyn", option), ("PILOTGEN_MBDYN", os.environ.get("PILOTGEN_MBDYN"))):
         if given:
             return _require_executable(Path(given), source)
     on_path = shutil.which("mbdyn")
@@ -81,7 +81,7 @@ def _require_executable(path: Path, source: str) -> Path:
         raise FileError(f"{source}: '{path}' does not exist; the path of a solver executable was expected")
     if not path.is_file() or not os.access(path, os.X_OK):
         raise FileError(f"{source}: '{path}' is not an executable file; the path of a solver executable was expected")
-    return path
+    return path.absolute()  # a bare name would be looked for on PATH, not here
 
 
 # ---- mbdae -------------------------------------------------------------------------------------------------------

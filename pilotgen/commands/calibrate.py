@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
+from pilotgen.files import to_json, write_text
 
 if TYPE_CHECKING:
     from pilotgen.calibration import Calibration
@@ -58,19 +59,19 @@ def run(args: argparse.Namespace) -> int:
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no reflexes; only multibody pilots have"
         )
-    directory = common.prepare_directory(args.output) if args.output is not None else None
     with Workbench(reference_study(study), mbdae=args.mbdae) as bench:
+        directory = common.prepare_directory(args.output) if args.output is not None else None
         found = calibrate(bench, sensitivities=not args.no_sensitivities)
     text = reflex_yaml(found)
     print(report(found))
     print(text, end="")
     if directory is not None:
-        common.write_text(directory / "calibration.json", common.to_json(found.as_dict()))
-        common.write_text(directory / "reflex.yaml", text)
+        write_text(directory / "calibration.json", to_json(found.as_dict()))
+        write_text(directory / "reflex.yaml", text)
         print(f"calibration.json and reflex.yaml are in {directory}")
     if args.write:
         own = Path(str(resources.files("pilotgen") / "data" / "reflex.yaml"))
-        common.write_text(own, text)
+        write_text(own, text)
         print(f"{own} replaced")
     return 0
 

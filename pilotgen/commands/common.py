@@ -1,4 +1,4 @@
-"""What several commands share: arguments, `--set`, writing files whole.
+"""What several commands share: arguments, `--set`, the output directory.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -6,14 +6,17 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-import json
-import os
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import FileError, StudyError
+from pilotgen.files import make_directory
 from pilotgen.study import Study, apply_settings, read_study
+
+if TYPE_CHECKING:
+    from pilotgen.pipeline import FailedEvaluation
 
 
 def add_command(commands: Any, name: str, summary: str, description: str, example: str) -> argparse.ArgumentParser:
@@ -165,38 +168,19 @@ def prepare_directory(directory: Path) -> Path:
     from pilotgen.campaign import RESULTS_NAME
     from pilotgen.journal import JOURNAL_NAME
 
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise FileError(f"{directory} is a file; the output needs a directory") from None
-    except OSError as error:
-        raise FileError(
-            f"{directory}: cannot be made ({error.strerror}); choose a directory you can write to"
-        ) from None
-    if not os.access(directory, os.W_OK | os.X_OK):
-        raise FileError(f"{directory}: cannot be written to; choose a directory you can write to")
+    make_directory(directory)
     if (directory / RESULTS_NAME).exists() or (directory / JOURNAL_NAME).exists():
         raise FileError(f"{directory} already holds a study; choose another output directory")
     return directory
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror}); check space and permissions") from None
-
-
-def to_json(result: Mapping[str, Any]) -> str:
-    """The result object as readable JSON."""
-    return json.dumps(result, indent=2, allow_nan=False) + "\n"
+def failure_text(failure: FailedEvaluation, directory: Path) -> str:
+    """What a one-pilot command says when its pilot cannot be evaluated."""
+    text = f"pilotgen: failed: {failure.stage}: {failure.reason}"
+    return text + f"\n  decks so far are in {directory}" if any(directory.glob("*.mbd")) else text
 
 
 def replay_command(study: Path, values: Mapping[str, float], directory: str = "replay") -> str:
     """The command line that evaluates one pilot of a study again."""
     settings = " ".join(f"{name}={value!r}" for name, value in values.items())
-    return f"pilotgen pilot {study} -o {directory} --set {settings}"
+    return f"pilotgen pilot {shlex.quote(str(study))} -o {directory} --set {settings}"

@@ -46,9 +46,7 @@ def run(args: argparse.Namespace) -> int:
         directory = common.prepare_directory(args.output)
         failure = write_decks(bench, values, directory)
     if failure is not None:
-        print(
-            f"pilotgen: failed: {failure.stage}: {failure.reason}\n  decks so far are in {directory}", file=sys.stderr
-        )
+        print(common.failure_text(failure, directory), file=sys.stderr)
         return 2
     for name in DECK_NAMES:
         print(directory / name)

@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 from pilotgen.commands import common
+from pilotgen.files import to_json, write_text
 
 
 def add_parser(commands: Any) -> None:
@@ -128,7 +129,6 @@ def run(args: argparse.Namespace) -> int:
     listed = sorted({f for part in args.frequencies or [] for f in part})
     frequencies = tuple(listed) or DEFAULT_FREQUENCIES_HZ
     amplitudes = tuple(dict.fromkeys(args.amplitudes or (SMALL_AMPLITUDE_M_S2,)))
-    directory = common.prepare_directory(args.output)
     line = ProgressLine(total=0)
 
     def progress(text: str, done: int, total: int) -> None:
@@ -136,6 +136,7 @@ def run(args: argparse.Namespace) -> int:
         line.update(f"{done}/{total}  {text}" + (f", {left} left" if left else ""))
 
     with Workbench(study, mbdae=args.mbdae) as bench:
+        directory = common.prepare_directory(args.output)
         try:
             found = identify(
                 bench,
@@ -152,7 +153,7 @@ def run(args: argparse.Namespace) -> int:
             )
         finally:
             line.finish()
-    common.write_text(directory / "results.json", common.to_json(found.as_dict()))
+    write_text(directory / "results.json", to_json(found.as_dict()))
     write_identification(found, directory / "results.h5")
     print(report(found), flush=True)
     if not args.no_figures:

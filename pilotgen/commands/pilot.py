@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pilotgen.commands import common
+from pilotgen.files import to_json, write_text
 
 
 def add_parser(commands: Any) -> None:
@@ -45,13 +46,11 @@ def run(args: argparse.Namespace) -> int:
     with Workbench(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as bench:
         directory = common.prepare_directory(args.output)
         outcome = evaluate(bench, values, keep=directory)
-    common.write_text(directory / "result.json", common.to_json(outcome.result))
+    write_text(directory / "result.json", to_json(outcome.result))
     if args.json:
-        sys.stdout.write(common.to_json(outcome.result))
+        sys.stdout.write(to_json(outcome.result))
     if not isinstance(outcome, Evaluation):
-        print(
-            f"pilotgen: failed: {outcome.stage}: {outcome.reason}\n  decks so far are in {directory}", file=sys.stderr
-        )
+        print(common.failure_text(outcome, directory), file=sys.stderr)
         return 2
     outcome.pilot_model.write(directory / "pilot_model.h5")
     if not args.json:
@@ -61,7 +60,9 @@ def run(args: argparse.Namespace) -> int:
 
         draw_pilot(outcome, directory)
     if not args.json:
-        print(f"decks, matrices, figures and result.json are in {directory}")
+        kinds = ["decks", "matrices"] if study.pilot.model == "multibody" else []
+        kinds += [] if args.no_figures else ["figures"]
+        print(f"{', '.join([*kinds, 'pilot_model.h5'])} and result.json are in {directory}")
     return 0
 
 
@@ -85,11 +86,8 @@ def summary(result: Mapping[str, Any]) -> str:
     else:
         lines.append("pilot      " + ", ".join(f"{name} {value:g}" for name, value in result["values"].items()))
     if "posture" in result:
-        lines.append(
-            "posture    "
-            + ", ".join(f"{name.replace('_', ' ')} {angle:.0f}" for name, angle in result["posture"].items())
-            + " deg"
-        )
+        angles = ((name.removesuffix("_deg").replace("_", " "), angle) for name, angle in result["posture"].items())
+        lines.append("posture    " + ", ".join(f"{joint} {angle:.0f}" for joint, angle in angles) + " deg")
     if "activation" in result:
         activation = result["activation"]
         lines.append(

@@ -5,7 +5,6 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError
+from pilotgen.files import to_json, write_text
 from pilotgen.pipeline import Workbench, evaluate
 from pilotgen.report.findings import distinct, worst_order
 from pilotgen.results import StudyResults
@@ -69,10 +69,7 @@ def write_front_decks(directory: Path, bench: Workbench, results: StudyResults, 
             place.mkdir(parents=True)
             inputs = zip(results.names, results.columns["inputs"][index].tolist(), strict=True)
             outcome = evaluate(bench, bench.study.values(dict(inputs)), keep=place)
-            (place / "trim.h5").unlink(missing_ok=True)  # an intermediate product; the decks make it again
-            (place / "result.json").write_text(
-                json.dumps(outcome.result, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-            )
+            write_text(place / "result.json", to_json(outcome.result))
         if target.exists():
             os.replace(target, old)
         os.replace(part, target)

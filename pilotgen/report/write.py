@@ -5,7 +5,6 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from pilotgen.campaign import RESULTS_NAME
-from pilotgen.errors import FileError
 from pilotgen.figures.study import MARGINS, NO_PHASE, Curve
+from pilotgen.files import write_text
 from pilotgen.pipeline import Evaluation, FailedEvaluation, Workbench, evaluate
 from pilotgen.report import decks, findings, page
 from pilotgen.results import StudyResults, read_results
@@ -93,8 +92,8 @@ def write_report(
                 front_decks = decks.choose_front(results, front)
                 decks.write_front_decks(directory, bench, results, front_decks)
     text = page.render(study, results, order, front, rows, repeated, front_decks)
-    _write_text(directory / STUDY_NAME, study.text)
-    _write_text(directory / REPORT_NAME, text)
+    write_text(directory / STUDY_NAME, study.text)
+    write_text(directory / REPORT_NAME, text)
     return directory / REPORT_NAME
 
 
@@ -129,13 +128,3 @@ def one_at_a_time(
         if isinstance(outcome, Evaluation):
             margins[:, k] = [getattr(outcome.margins, margin) for margin in names]
     return Curve(name, grid, dict(zip(names, margins, strict=True)))
-
-
-def _write_text(path: Path, text: str) -> None:
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror}); check space and permissions") from None

@@ -37,7 +37,7 @@ def test_bmi_gives_mass() -> None:
         ({"age_years": True}, "male", ("age_years is True", "number")),
         ({"stature_m": 1750.0}, "male", ("heights are in metres", "did you mean 1.75")),
         ({"stature_m": 175.0}, "male", ("heights are in metres, not centimetres", "did you mean 1.75")),
-        ({"stature_m": 2.21}, "male", ("2.21 m", "1.4 to 2.2 m")),
+        ({"stature_m": 2.21}, "male", ("2.21 m", "1.3 to 2.2 m")),
         ({"age_years": 17.9}, "male", ("17.9 years", "18 to 90")),
         ({"age_years": math.nan}, "male", ("nan", "18 to 90")),
         ({"mass_kg": 34.0}, "male", ("34 kg", "35 to 200")),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from pilotgen.cli import COMMANDS, main
+from pilotgen.commands.common import replay_command
 from pilotgen.solver import find_mbdae
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
@@ -251,3 +253,51 @@ def test_sample_end_to_end(run: Run, tmp_path: Path) -> None:
 def test_compare_of_strangers(run: Run, tmp_path: Path) -> None:
     (tmp_path / "a.h5").write_text("hello")
     refused(run("compare", tmp_path / "a.h5", tmp_path / "b.h5"), "a.h5|b.h5")
+
+
+def test_output_directories_with_strange_names(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    for command in ("pilot", "search"):
+        refused(run(command, QUICK, "-o", tmp_path / "link"), "is a link to .*nowhere")
+        refused(run(command, QUICK, "-o", tmp_path / "caf\udce9"), r"caf\\xe9.*not UTF-8")
+    code, _, err = run("decks", QUICK, "-o", tmp_path / "a 'b' é")
+    assert (code, err) == (0, "")
+    assert {path.name for path in (tmp_path / "a 'b' é").iterdir()} == {"posture.mbd", "trim.mbd", "pilot.mbd"}
+
+
+def test_a_solver_named_without_a_directory_is_the_one_here(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own").write_text(f"#!/bin/sh\nexec {find_mbdae()} $@\n")
+    (tmp_path / "own").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    assert run("decks", QUICK, "-o", tmp_path / "out", "--mbdae", "own")[0] == 0
+
+
+def test_a_solver_that_cannot_run_is_found_out_before_a_search(run: Run, tmp_path: Path) -> None:
+    for command in (["search"], ["sample", "-n", "8"]):
+        code, out, err = run(*command, QUICK, "-o", tmp_path / "out", "--mbdae", "/bin/true")
+        assert (code, out) == (2, "")
+        assert "ended with exit code 0" in err
+        assert not (tmp_path / "out").exists()
+
+
+def test_commands_that_are_given_again_can_be_pasted() -> None:
+    text = replay_command(Path("my study's.yaml"), {"bmi": 20.5})
+    assert shlex.split(text) == ["pilotgen", "pilot", "my study's.yaml", "-o", "replay", "--set", "bmi=20.5"]
+
+
+def test_report_again(run: Run, tmp_path: Path) -> None:
+    study = changed(tmp_path, "population: 100", "population: 8", MAYO)
+    done = tmp_path / "done"
+    assert run("search", study, "-o", done, "--workers", "1", "--quiet", "--no-report")[0] == 0
+    assert not (done / "report.html").exists()
+    assert run("report", done, "--no-evaluations") == (0, f"report: {done / 'report.html'}\n", "")
+    assert (done / "report.html").is_file()
+
+
+def test_report_of_what_is_no_study(run: Run, tmp_path: Path) -> None:
+    refused(run("report", tmp_path), r"study\.h5 does not exist")
+    refused(run("report", tmp_path / "none"), r"study\.h5 does not exist")
+    (tmp_path / "study.h5").write_text("nonsense")
+    refused(run("report", tmp_path), r"study\.h5")

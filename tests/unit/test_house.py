@@ -59,7 +59,8 @@ def test_a_module_imports_only_from_above() -> None:
 
 
 def test_heavy_libraries_stay_off_the_search_path() -> None:
-    code = "import sys, pilotgen.pipeline, pilotgen.campaign, pilotgen.executor, pilotgen.results; print(' '.join(sys.modules))"
+    rooms = "pilotgen.pipeline, pilotgen.campaign, pilotgen.executor, pilotgen.results"
+    code = f"import sys, {rooms}; print(' '.join(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(run.stdout.split())
     assert "numpy" in loaded

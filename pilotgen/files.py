@@ -1,0 +1,58 @@
+"""Directories and files for results: made or refused with one sentence, written whole or not at all.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pilotgen.errors import FileError
+
+
+def make_directory(directory: Path) -> None:
+    """Make a directory for output, parents included.
+
+    Raises
+    ------
+    FileError
+        It cannot be made or written to, or its name is not text (the solver and HDF5 take UTF-8 names only).
+    """
+    try:
+        os.fsencode(directory).decode("utf-8")
+        str(directory).encode("utf-8")
+    except UnicodeError:
+        raise FileError(
+            f"{os.fsencode(directory)!r}: the name of the output directory is not UTF-8 text; choose another one"
+        ) from None
+    advice = "choose a directory you can write to"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        if directory.is_symlink():
+            raise FileError(f"{directory} is a link to {os.readlink(directory)}, which is no directory") from None
+        raise FileError(f"{directory} is a file; the output needs a directory") from None
+    except OSError as error:
+        raise FileError(f"{directory}: cannot be made ({error.strerror}); {advice}") from None
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise FileError(f"{directory}: cannot be written to; {advice}")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all; FileError if that fails."""
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise FileError(f"{path}: cannot be written ({error.strerror}); check space and permissions") from None
+
+
+def to_json(result: Mapping[str, Any]) -> str:
+    """A result object as readable JSON, strict: infinite margins must have become None."""
+    return json.dumps(result, indent=2, allow_nan=False) + "\n"
