@@ -95,10 +95,22 @@ void Input::end_card() {
   if (after_comma_ && token.is(";")) fail(token.where, "found `;` after a comma, expected another argument");
   if (!token.is(";")) {
     // Options that end cards, in case one of them was meant.
-    static constexpr const char* kOptions[] = {"output", "orientation description", "inverse dynamics", "initial state",
-                                               "initial theta", "prestress", "prestrain", "position", "orientation", "scale",
-                                               "position constraint", "orientation constraint", "reflexive", "ergonomy",
-                                               "activation check", "short range stiffness"};
+    static constexpr const char* kOptions[] = {"output",
+                                               "orientation description",
+                                               "inverse dynamics",
+                                               "initial state",
+                                               "initial theta",
+                                               "prestress",
+                                               "prestrain",
+                                               "position",
+                                               "orientation",
+                                               "scale",
+                                               "position constraint",
+                                               "orientation constraint",
+                                               "reflexive",
+                                               "ergonomy",
+                                               "activation check",
+                                               "short range stiffness"};
     const std::optional<Words> words = peek_words();
     fail(token.where, "found " + (words ? quoted(words->written) : described(token)) + ", expected `;`" +
                           (words ? suggestion(words->text, kOptions) : ""));

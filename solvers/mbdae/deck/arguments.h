@@ -87,8 +87,9 @@ class Input {
   }
   /// The same with a text that is only made when it is needed.
   template <class Text>
-  void need(const Text& text)
-    requires requires { std::string(text()); }
+  void need(const Text& text) requires requires {
+    std::string(text());
+  }
   {
     if (!more()) missing(text());
   }

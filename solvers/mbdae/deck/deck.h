@@ -66,7 +66,7 @@ struct NodeData {
 struct DummyNodeData {
   Identity id;
   NodeIndex base = 0;
-  Vec3 offset = Vec3::Zero();      ///< in the base node's frame [m]
+  Vec3 offset = Vec3::Zero();        ///< in the base node's frame [m]
   Mat3 rotation = Mat3::Identity();  ///< relative to the base node
 };
 
@@ -107,7 +107,8 @@ struct ShortRangeData {
   double delta = 5.7e-3;
 };
 
-/// Muscle law of a rod: f = prestress + F0 (f1(x) f2(v) a + f3(x)), x = (Li/L0)(1 + eps - prestrain), v = (Li/V0) epsdot.
+/// Muscle law of a rod: f = prestress + F0 (f1(x) f2(v) a + f3(x)), x = (Li/L0)(1 + eps - prestrain), v = (Li/V0)
+/// epsdot.
 struct MuscleLaw {
   MuscleModel model = MuscleModel::pennestri;
   double Li = 0.0;  ///< initial length [m]
@@ -131,8 +132,8 @@ using Law6 = std::variant<LinearLaw<6>>;
 
 struct ClampData {
   NodeIndex node;
-  Vec3 X;  ///< clamped position, global [m]
-  Mat3 R;  ///< clamped orientation
+  Vec3 X;                                ///< clamped position, global [m]
+  Mat3 R;                                ///< clamped orientation
   std::optional<Vec6> initial_reaction;  ///< F, M global [N, N m]
 };
 
@@ -198,10 +199,10 @@ struct TotalJointData {
 
 struct TotalPinData {
   NodeIndex node;
-  Vec3 fn;          ///< in the node
-  Mat3 Rnh, Rnhr;   ///< in the node
-  Vec3 Xc;          ///< global
-  Mat3 Rch, Rchr;   ///< global
+  Vec3 fn;         ///< in the node
+  Mat3 Rnh, Rnhr;  ///< in the node
+  Vec3 Xc;         ///< global
+  Mat3 Rch, Rchr;  ///< global
   std::array<TotalComponent, 3> position{}, rotation{};
   VectorDrive<3> position_drive, rotation_drive;
 };
@@ -240,9 +241,9 @@ struct JointData {
 struct BodyData {
   Identity id;
   NodeIndex node = 0;
-  double m = 0.0;                 ///< [kg]
-  Vec3 d = Vec3::Zero();          ///< centre of mass in the node frame [m]
-  Mat3 J_cm = Mat3::Zero();       ///< inertia about the centre of mass, node axes [kg m^2]
+  double m = 0.0;            ///< [kg]
+  Vec3 d = Vec3::Zero();     ///< centre of mass in the node frame [m]
+  Mat3 J_cm = Mat3::Zero();  ///< inertia about the centre of mass, node axes [kg m^2]
 };
 
 enum class ForceFrame { absolute, follower };
@@ -269,8 +270,8 @@ enum class MethodKind { ms, implicit_euler, crank_nicolson, other };
 struct InitialValueData {
   double initial_time = 0.0, final_time = 0.0, time_step = 0.0;  ///< [s]; final_time may be infinite (`forever`)
   MethodKind method = MethodKind::ms;
-  std::string method_text;                 ///< as written, for messages
-  double rho = 0.6, rho_algebraic = 0.6;   ///< asymptotic spectral radii of `ms`
+  std::string method_text;                ///< as written, for messages
+  double rho = 0.6, rho_algebraic = 0.6;  ///< asymptotic spectral radii of `ms`
   double tolerance = 1e-6;
   int max_iterations = 20;
   double derivatives_tolerance = 1e-6;
@@ -288,11 +289,11 @@ struct Deck {
   std::vector<std::string> files;  ///< files[0] = the deck, then includes in order of appearance
   InitialValueData initial_value;
   ControlData control;
-  std::vector<NodeData> nodes;     ///< in deck order: the order of the unknowns
+  std::vector<NodeData> nodes;  ///< in deck order: the order of the unknowns
   std::vector<DummyNodeData> dummy_nodes;
   std::vector<BodyData> bodies;
-  std::vector<JointData> joints;   ///< in deck order, rods and deformable elements included
-  std::vector<ForceData> forces;   ///< forces and couples in deck order
+  std::vector<JointData> joints;          ///< in deck order, rods and deformable elements included
+  std::vector<ForceData> forces;          ///< forces and couples in deck order
   std::optional<VectorDrive<3>> gravity;  ///< uniform acceleration [m/s^2], global components
 };
 
