@@ -29,6 +29,7 @@ from pilotgen.skeleton import Skeletons
 
 GRAVITY_M_PER_S2 = 9.81
 TIME_STEP_S = 1e-3
+ROUNDING = 1e-15  # below this a component of a unit vector is the rounding error of a zero
 _MIRROR_OUTER = np.outer(MIRROR, MIRROR)
 
 
@@ -89,7 +90,7 @@ def number(value: float) -> str:
     """A number as a deck has it: shortest text that reads back the same, always with a point or an exponent."""
     if value - value != 0.0:
         raise ValueError(f"{value!r} has no place in a deck")
-    return repr(float(value))
+    return repr(float(value) + 0.0)  # no -0.0
 
 
 def vector(values: np.ndarray) -> str:
@@ -97,17 +98,23 @@ def vector(values: np.ndarray) -> str:
     return ", ".join(map(number, values.tolist()))
 
 
+def _direction(v: np.ndarray) -> str:
+    """A unit vector; what is left of a zero by rounding is printed as zero."""
+    return ", ".join("0.0" if abs(x) < ROUNDING else number(x) for x in v.tolist())
+
+
 def _matrix(R: np.ndarray) -> str:
-    """An orientation in one line."""
-    return "matr, " + ", ".join(vector(row) for row in R)
+    """An orientation, a row a line."""
+    return "matr,\n\t\t\t" + ",\n\t\t\t".join(map(_direction, R))
 
 
 def _hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> str:
-    return f"{index}, {vector(axis)}, {guess_index}, {vector(guess)}"
+    first, second = f"{index}, {_direction(axis)}", f"{guess_index}, {_direction(guess)}"
+    return f"{first}, {second}" if len(first) + len(second) < 100 else f"{first},\n\t\t\t\t{second}"
 
 
 def _pose_text(pose: Pose) -> SimpleNamespace:
-    R1, R2, R3 = map(vector, pose[1])
+    R1, R2, R3 = map(_direction, pose[1])
     return SimpleNamespace(x=vector(pose[0]), R1=R1, R2=R2, R3=R3)
 
 
@@ -222,7 +229,7 @@ def _muscle_text(
 def _pilot_lines(body: Body, cockpit: Cockpit) -> list[str]:
     b = body.biometrics
     lines = [
-        f"Pilot: {b.sex}, {b.age_years:.4g} years, {b.stature_m:.4g} m, {b.mass_kg:.4g} kg (BMI {b.bmi:.4g}); "
+        f"Pilot: {b.sex}, {b.age_years:.4g} years, {b.stature_m:.3f} m, {b.mass_kg:.2f} kg (BMI {b.bmi:.4g}); "
         f"muscle strength {body.strength_factor:.3f} of the reference subject's.",
     ]
     lines += [f"Extrapolated: {words}." for words in body.extrapolated]
@@ -230,13 +237,17 @@ def _pilot_lines(body: Body, cockpit: Cockpit) -> list[str]:
         inceptor = cockpit.inceptors[side]
         what = "above horizontal" if inceptor.name == "collective" else "from vertical"
         lines.append(f"{side.capitalize()} hand on the {inceptor.name}, {inceptor.angle_deg:.4g} deg {what}.")
-    forward, up = (1e3 * cockpit.seat_shift_m).tolist()
-    x, y = (1e3 * cockpit.eye_mismatch_m).tolist()
+    seat, eye = cockpit.seat_shift_m.tolist(), cockpit.eye_mismatch_m.tolist()
     lines.append(
-        f"Seat ({cockpit.seat_mode}) moved {forward:.0f} mm forward and {up:.0f} mm up; "
-        f"eye {x:.0f} mm forward and {y:.0f} mm up of the design eye point."
+        f"Seat ({cockpit.seat_mode}) moved {_millimetres(seat[0], 'forward', 'aft')} and "
+        f"{_millimetres(seat[1], 'up', 'down')}; eye {_millimetres(eye[0], 'forward of', 'aft of')} and "
+        f"{_millimetres(eye[1], 'above', 'below')} the design eye point."
     )
     return lines
+
+
+def _millimetres(value_m: float, positive: str, negative: str) -> str:
+    return f"{abs(1e3 * value_m):.0f} mm {negative if value_m < -0.5e-3 else positive}"
 
 
 def _posture_lines(posture: Posture) -> list[str]:

@@ -78,9 +78,30 @@ def test_decks_are_tidy(key: tuple) -> None:
     assert "\r" not in text
     assert text.isascii()
     assert max(len(line.expandtabs(4)) for line in text.splitlines() if line.lstrip().startswith("#")) <= 130
+    assert max(len(line.expandtabs(4)) for line in text.splitlines()) <= 140
+    assert not re.search(r"-0(\.0*)?(?![0-9.])|-0 mm", text), "a negative zero"
+    assert not re.search(r"e-(1[6-9]|[2-9][0-9])", text), "the rounding error of a zero"
     first = text.splitlines()[0]
     assert first.startswith(f"# {key[1]}.mbd - ")
     assert "# Pilot: male, 40 years, 1.775 m, 75.61 kg (BMI 24)" in text
+
+
+@every_deck
+def test_orientations_are_orthonormal_as_printed(key: tuple) -> None:
+    matrices = re.findall(r"matr,\s*((?:[-+0-9.e]+,\s*){9})", without_comments(ALL[key]))
+    assert len(matrices) >= 4 * len(key[0])
+    for numbers in matrices:
+        R = np.array([float(number) for number in numbers.split(",")[:9]]).reshape(3, 3)
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=2e-15)
+
+
+def test_seat_and_eye_are_told_in_words() -> None:
+    body = make_body(Biometrics(40.0, 1.55, 57.0, "female"), ("left",))
+    cockpit = make_cockpit(body, lever_length_m=0.32, position=0.5)
+    text = decks.render_posture(body, cockpit, first_guess(body, cockpit))
+    assert re.search(
+        r"# Seat \(design_eye\) moved [0-9]+ mm aft and 65 mm up; eye 0 mm forward of and [0-9]+ mm below", text
+    )
 
 
 @every_deck
