@@ -206,8 +206,8 @@ def progress_text(study: Study, campaign: Campaign, generation: int, best: Seque
     """`generation 3/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | 0:12 left`."""
     tally = campaign.tally
     margins = ", ".join(
-        f"{short} {value:.3g} {unit}".rstrip()
-        for (short, unit), value in zip((SHORT_NAMES[name] for name in study.search.objectives), best, strict=True)
+        margin_word(name, value)
+        for name, value in zip(study.search.objectives, best, strict=True)
         if math.isfinite(value)
     )
     served = f" ({tally.served} from the journal)" if tally.served else ""
@@ -218,6 +218,14 @@ def progress_text(study: Study, campaign: Campaign, generation: int, best: Seque
         f"at most {left} left" if left else "",
     ]
     return " | ".join(part for part in parts if part)
+
+
+def margin_word(name: str, value: float) -> str:
+    """`GM 1.82 dB`, or `PM none` when no pilot's loop has the crossing."""
+    from pilotgen.search.problem import CAPS
+
+    short, unit = SHORT_NAMES[name]
+    return f"{short} none" if value >= CAPS[name] else f"{short} {value:.3g} {unit}".rstrip()
 
 
 def print_worst(study_path: Path, directory: Path, campaign: Campaign, rows: Sequence[Mapping[str, Any]]) -> None:
