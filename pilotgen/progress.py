@@ -5,6 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from typing import TextIO
@@ -53,6 +54,7 @@ class ProgressLine:
         if self._live:
             if not milestone and now - self._last < REDRAW_INTERVAL_S:
                 return
+            text = self._fitted(text)
             self._stream.write("\r" + text.ljust(self._width))
             self._width = len(text)
             self._stream.flush()
@@ -61,6 +63,14 @@ class ProgressLine:
             self._stream.write(text + "\n")
             self._stream.flush()
             self._last = now
+
+    def _fitted(self, text: str) -> str:
+        """What fits on the terminal's line: a line that wraps cannot be redrawn in place."""
+        try:
+            columns = os.get_terminal_size(self._stream.fileno()).columns
+        except (OSError, ValueError):  # no file behind the stream
+            return text
+        return text if len(text) < columns else text[: max(0, columns - 4)] + "..."
 
     def finish(self) -> None:
         """Leave the line standing."""

@@ -1,0 +1,79 @@
+"""The progress line: redrawn within one line of a terminal, plain lines elsewhere.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import os
+import pty
+import struct
+import termios
+
+import pytest
+
+from pilotgen.progress import ProgressLine, format_duration
+
+LONG = "generation 1/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | at most 0:12 left"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.0, "0:00"), (-3.0, "0:00"), (83.4, "1:23"), (3599.6, "1:00:00"), (4000.0, "1:06:40")]
+)
+def test_durations(seconds: float, text: str) -> None:
+    assert format_duration(seconds) == text
+
+
+def test_plain_lines_at_milestones_only() -> None:
+    stream = io.StringIO()
+    line = ProgressLine(10, stream)
+    line.update("first")  # the first of the ten seconds' lines
+    line.update("second")
+    line.update("third", milestone=True)
+    line.finish()
+    assert stream.getvalue() == "first\nthird\n"
+
+
+def test_quiet() -> None:
+    stream = io.StringIO()
+    line = ProgressLine(10, stream, quiet=True)
+    line.update("first", milestone=True)
+    line.finish()
+    assert stream.getvalue() == ""
+
+
+def test_time_left_is_proportional() -> None:
+    line = ProgressLine(4, io.StringIO())
+    line._start -= 30.0
+    assert line.time_left(0) == ""
+    assert line.time_left(1) == "1:30"
+    assert line.time_left(4) == "0:00"
+
+
+def on_terminal(columns: int, *texts: str) -> str:
+    """What a terminal of so many columns receives."""
+    ours, theirs = pty.openpty()
+    try:
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        with open(theirs, "w", closefd=False) as stream:
+            line = ProgressLine(10, stream)
+            for text in texts:
+                line.update(text, milestone=True)
+            line.finish()
+        return os.read(ours, 65536).decode()
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_line_never_wraps() -> None:
+    for columns in (20, 80, len(LONG), len(LONG) + 1):
+        drawn = on_terminal(columns, LONG, "short").strip("\r\n").split("\r")
+        assert all(len(text) < columns for text in drawn)
+        assert drawn[0].startswith(LONG[: columns // 2])
+        assert drawn[-1].rstrip() == "short" and len(drawn[-1]) >= len(drawn[0]), (
+            "the rest of a longer line is wiped out"
+        )
+    assert on_terminal(200, LONG) == f"\r{LONG}\r\n"
