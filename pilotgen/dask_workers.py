@@ -67,15 +67,25 @@ class DaskWorkers:
                 numbers[future.key] = item[0]
                 completed.add(future)
 
-        submit(IN_FLIGHT_PER_WORKER * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"])))
-        for future in completed:
-            try:
-                result = future.result()
-            except KilledWorker as error:
-                result = WorkerLost(f"dask gave the pilot up after several workers died with it ({error.last_worker})")
-            yield numbers.pop(future.key), result
-            future.release()
-            submit(1)
+        submit(self._in_flight())
+        try:
+            for future in completed:
+                try:
+                    result = future.result()
+                except KilledWorker as error:
+                    reason = f"dask gave the pilot up after several workers died with it ({error.last_worker})"
+                    result = WorkerLost(reason)
+                yield numbers.pop(future.key), result
+                future.release()
+                submit(max(1, self._in_flight() - len(numbers)))  # workers come and go
+        finally:
+            if numbers:
+                self._client.cancel(list(numbers), force=True)
+
+    def _in_flight(self) -> int:
+        workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        threads = sum(worker["nthreads"] for worker in workers)
+        return IN_FLIGHT_PER_WORKER * max(1, threads)
 
     def close(self) -> None:
         """Leave the cluster; stop it if it is ours."""

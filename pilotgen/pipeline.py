@@ -14,6 +14,7 @@ import functools
 import hashlib
 import math
 import pickle
+import platform
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -362,7 +363,8 @@ def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
 class Task:
     """One pilot for a worker: everything it needs, quick to send.
 
-    `study` is a pickled `Study`, always the same bytes for one study: a worker unpickles it once.
+    `study` is a pickled `Study`, always the same bytes for one study: a worker unpickles it once. With `fingerprint` a
+    worker first makes sure that its code, data and solver are those of who sent the task.
     """
 
     study: bytes
@@ -371,6 +373,7 @@ class Task:
     solver: str = "mbdae"
     mbdyn: str | None = None
     time_limit_s: float = 30.0
+    fingerprint: str | None = None
 
 
 _BENCHES: dict[tuple[Any, ...], Workbench] = {}
@@ -384,13 +387,18 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
     tuple
         The result object, and the CPU time spent on it in s: this process and the solver's own account.
     """
-    key = (task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
+    key = (task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s, task.fingerprint)
     bench = _BENCHES.get(key)
     if bench is None:
         for old in _BENCHES.values():
             old.close()
         _BENCHES.clear()
         study: Study = pickle.loads(task.study)
+        if task.fingerprint is not None and fingerprint(study, task.mbdae, task.solver) != task.fingerprint:
+            raise FileError(
+                f"the worker on {platform.node()} has another pilotgen (code, data, templates) or another solver than "
+                "this run; install the same on every machine"
+            )
         bench = _BENCHES[key] = Workbench(study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
         _close_at_exit(bench)
     start_cpu, start_solver = time.process_time(), bench.solver_seconds

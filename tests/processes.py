@@ -65,11 +65,11 @@ def recorded(directory: Path) -> int:
 
 def children(pid: int) -> list[int]:
     """Process ids of the living children."""
-    try:
-        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    except OSError:
-        return []
-    return [int(word) for word in text.split() if alive(int(word))]
+    words: list[str] = []
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):  # of every thread
+        with contextlib.suppress(OSError):
+            words += path.read_text().split()
+    return [int(word) for word in words if alive(int(word))]
 
 
 def descendants(pid: int) -> list[int]:

@@ -117,9 +117,10 @@ def make_campaign(
     from pilotgen.pipeline import Task, run_task
 
     pickled = pickle.dumps(study)
+    to_check = print_hash if args.executor == "dask" else None  # workers may be on other machines
 
     def make_task(values: Mapping[str, float]) -> Task:
-        return Task(pickled, study.values(values), args.mbdae, args.solver, args.mbdyn, args.time_limit)
+        return Task(pickled, study.values(values), args.mbdae, args.solver, args.mbdyn, args.time_limit, to_check)
 
     return Campaign(journal, workers, run_task, make_task, print_hash, args.max_failures, args.retry_failed)
 

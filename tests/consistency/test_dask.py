@@ -1,0 +1,126 @@
+"""The same study on a dask cluster: a scheduler and workers in processes of their own, one of which is murdered."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from processes import PATIENCE_S, assert_all_gone, children, command_of, kill, recorded, run, start, wait_until
+
+pytest.importorskip("distributed")
+
+STUDIES = Path(__file__).parents[2] / "docs" / "studies"
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    text = yaml.safe_load((STUDIES / "quick.yaml").read_text())
+    text["search"].update(population=16, generations=3)
+    path = tmp_path_factory.mktemp("study") / "study.yaml"
+    path.write_text(yaml.safe_dump(text))
+    return path
+
+
+def _dask(role: str, *arguments: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="module")
+def scheduler_file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = tmp_path_factory.mktemp("dask") / "scheduler.json"
+    process = _dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(path))
+    try:
+        wait_until(lambda: path.exists() and path.stat().st_size > 0, "the scheduler")
+        yield path
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def address_of(scheduler_file: Path) -> str:
+    return str(yaml.safe_load(scheduler_file.read_text())["address"])
+
+
+def start_worker(scheduler_file: Path) -> subprocess.Popen[bytes]:
+    """A worker without a nanny: killed, it stays dead."""
+    return _dask(
+        "worker", "--scheduler-file", str(scheduler_file), "--nworkers", "1", "--nthreads", "1", "--no-nanny",
+        "--no-dashboard", "--local-directory", str(scheduler_file.parent),
+    )  # fmt: skip
+
+
+def test_cluster_gives_the_same_bytes_even_when_a_worker_is_murdered(
+    study: Path, scheduler_file: Path, tmp_path: Path, mbdae: Path
+) -> None:
+    local = run("search", study, "-o", tmp_path / "local", "--workers", "2", "--no-report", "--quiet")
+    assert local.returncode == 0, local.stderr
+    workers = [start_worker(scheduler_file) for _ in range(2)]
+    directory = tmp_path / "cluster"
+    process = start(
+        "search", study, "-o", directory, "--no-report", "--quiet",
+        "--executor", "dask", "--scheduler", address_of(scheduler_file),
+    )  # fmt: skip
+    try:
+        wait_until(lambda: recorded(directory) >= 18 or process.poll() is not None, "the second generation")
+        busy = next(worker for worker in workers if children(worker.pid))
+        solvers = [pid for pid in children(busy.pid) if "--serve" in command_of(pid)]
+        assert solvers
+        kill(busy.pid)
+        busy.wait()
+        assert_all_gone(solvers)
+        out, err = process.communicate(timeout=4 * PATIENCE_S)
+    finally:
+        kill(process.pid)
+        for worker in workers:
+            if worker.poll() is None:
+                worker.terminate()
+            worker.wait()
+    assert process.returncode == 0, err
+    assert " 0 failed" in out
+    assert (directory / "study.h5").read_bytes() == (tmp_path / "local" / "study.h5").read_bytes()
+
+
+def test_worker_with_another_solver_is_refused(study: Path, scheduler_file: Path, tmp_path: Path, mbdae: Path) -> None:
+    other = tmp_path / "mbdae"
+    other.write_bytes(mbdae.read_bytes() + b"\0")  # runs all the same
+    other.chmod(0o755)
+    worker = start_worker(scheduler_file)
+    try:
+        done = run(
+            "search", study, "-o", tmp_path / "out", "--no-report", "--quiet",
+            "--executor", "dask", "--scheduler", address_of(scheduler_file), PILOTGEN_MBDAE=str(other),
+        )  # fmt: skip
+    finally:
+        worker.terminate()
+        worker.wait()
+    assert done.returncode == 1
+    assert f"the worker on {os.uname().nodename} has another pilotgen" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_local_cluster_is_started_and_stopped(study: Path, tmp_path: Path) -> None:
+    process = start(
+        "sample", study, "-n", "24", "-o", tmp_path / "out", "--quiet", "--executor", "dask", "--workers", "2"
+    )
+    wait_until(lambda: recorded(tmp_path / "out") >= 4 or process.poll() is not None, "some evaluations")
+    family = children(process.pid)
+    out, err = process.communicate(timeout=4 * PATIENCE_S)
+    assert process.returncode == 0, err
+    assert "24 pilots" in out
+    assert_all_gone(family)
+
+
+def test_no_scheduler_is_told(study: Path, tmp_path: Path) -> None:
+    done = run(
+        "search", study, "-o", tmp_path / "out", "--no-report", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9"
+    )
+    assert done.returncode == 1
+    assert "no dask scheduler answers there" in done.stderr
+    assert "Traceback" not in done.stderr
