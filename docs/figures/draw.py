@@ -1,4 +1,7 @@
-"""Draw the figures of docs/validation.md again: `python docs/figures/draw.py` (about two minutes).
+"""Draw the figures of the documentation again.
+
+`python docs/figures/draw.py` draws those of docs/validation.md (about two minutes), and
+`python docs/figures/draw.py results/puma-bmi/study.h5` those of README.md from a finished search.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -7,18 +10,21 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import sys
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from pilotgen.figures import style
+from pilotgen.figures import all_individuals, nyquist, style
 from pilotgen.figures.identification import identification
 from pilotgen.identify import identify
 from pilotgen.pipeline import Evaluation, Workbench, evaluate
 from pilotgen.plant import full_order_response
-from pilotgen.study import read_study
+from pilotgen.report.findings import worst_order
+from pilotgen.results import read_results
+from pilotgen.study import read_study, study_from_text
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "studies" / "puma-bmi.yaml"
@@ -83,6 +89,25 @@ def shaken() -> None:
     style.save(identification(found), HERE / "identification.png")
 
 
+def searched(path: Path) -> None:
+    """search.png: every pilot that a search evaluated; nyquist.png: the loops of the nominal and of the worst one."""
+    results = read_results(path)
+    worst = int(worst_order(results)[0])
+    style.save(all_individuals(results, worst), HERE / "search.png")
+    study = study_from_text(str(results.attributes["study_text"]), str(path))
+    inputs = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
+    pilots = []
+    with Workbench(study) as bench:
+        for name, values in (("nominal pilot", study.nominal), ("worst pilot", study.values(inputs))):
+            outcome = evaluate(bench, values)
+            assert isinstance(outcome, Evaluation), outcome
+            pilots.append((name, outcome))
+    style.save(nyquist(pilots), HERE / "nyquist.png")
+
+
 if __name__ == "__main__":
-    projection()
-    shaken()
+    if len(sys.argv) > 1:
+        searched(Path(sys.argv[1]))
+    else:
+        projection()
+        shaken()
