@@ -84,7 +84,7 @@ class DaskWorkers:
 
     def _in_flight(self) -> int:
         workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
-        threads = sum(worker["nthreads"] for worker in workers)
+        threads = sum(int(worker["nthreads"]) for worker in workers)
         return IN_FLIGHT_PER_WORKER * max(1, threads)
 
     def close(self) -> None:

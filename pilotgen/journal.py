@@ -1,8 +1,8 @@
 """Every evaluation on disk as it finishes: crash-safe, and the cache of what was computed before.
 
 One SQLite file (write-ahead log) per output directory. The key of an evaluation is the hash of everything that
-determines
-its result, so a row can be served to any later run that asks the same question.
+determines its result, so a row can be served to any later run that asks the same question. Rows stand in the order in
+which they came, with an index of the keys: keys are random, and rows sorted by them would be moved about for ever.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -30,7 +30,7 @@ CREATE TABLE evaluation (
     status TEXT NOT NULL,       -- ok | failed
     result TEXT NOT NULL,       -- JSON: the result object
     cpu_s REAL NOT NULL         -- CPU time of the evaluation, children included
-) WITHOUT ROWID;
+);
 """
 
 
