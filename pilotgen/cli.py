@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -51,9 +52,15 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    for stream in (sys.stdout, sys.stderr):  # a degree sign or a file's name must not end a run on an ASCII terminal
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         args = build_parser().parse_args(arguments)
-        return int(args.run(args))
+        code = int(args.run(args))
+        if sys.stdout is not None:
+            sys.stdout.flush()  # a full disk behind standard output is found out here, not after the exit code
+        return code
     except EvaluationError as error:
         print(f"pilotgen: failed: {error}", file=sys.stderr)
         return EXIT_FAILED
@@ -67,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_ERROR
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
+        where = f"{error.filename or 'standard output or a file'}: "
         print(f"pilotgen: error: {where}{error.strerror or error}", file=sys.stderr)
         return EXIT_ERROR
     except Exception as error:  # the edge of the program: an error of ours, told without a wall of text

@@ -31,6 +31,7 @@ from pilotgen.cockpit import Cockpit, check_cockpit, make_cockpit
 from pilotgen.deck import render_direct, render_posture, render_trim
 from pilotgen.errors import EvaluationError, FileError, MatrixError, PilotgenError, SolverError, StudyError
 from pilotgen.feedthrough import certificate, make_pilot_model, mayo_pilot
+from pilotgen.files import write_text
 from pilotgen.helicopter import HeaveModel
 from pilotgen.loop import LoopModel
 from pilotgen.margins import Margins, margins
@@ -197,7 +198,7 @@ def solve_pilot(
 
     def write(name: str, text: str) -> None:
         if keep is not None:
-            (keep / name).write_text(text, encoding="utf-8")
+            write_text(keep / name, text)
 
     try:
         biometrics = biometrics_from(values, settings.sex)
@@ -259,7 +260,7 @@ def linearise_direct(bench: Workbench, text: str, where: Path) -> Matrices:
         )
     if bench.solver == "mbdyn":
         deck = where / PILOT_DECK
-        deck.write_text(text, encoding="utf-8")
+        write_text(deck, text)
         from pilotgen.mbdyn_files import read_mbdyn
 
         return read_mbdyn(run_mbdyn(deck, where, bench.mbdyn, bench.time_limit_s), layout=matrices)

@@ -45,9 +45,9 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
     Looked for in this order: `option`, the environment variable PILOTGEN_MBDAE, the installed package, PATH. Something
     named by the first two must be there: it is an error, not a reason to look on.
     """
-    for source, given in (("--mbdae", option), ("PILOTGEN_MBDAE", os.environ.get("PILOTGEN_MBDAE"))):
-        if given:
-            return _require_executable(Path(given), source)
+    named = _named_executable(option, "--mbdae", "PILOTGEN_MBDAE")
+    if named is not None:
+        return named
     packaged = resources.files("pilotgen").joinpath("bin", "mbdae")
     with resources.as_file(packaged) as path:
         if path.is_file() and os.access(path, os.X_OK):
@@ -64,9 +64,9 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
 
 def find_mbdyn(option: str | os.PathLike[str] | None = None) -> Path:
     """Return the path of MBDyn's executable: `option`, the environment variable PILOTGEN_MBDYN, or PATH."""
-    for source, given in (("--mbdyn", option), ("PILOTGEN_MBDYN", os.environ.get("PILOTGEN_MBDYN"))):
-        if given:
-            return _require_executable(Path(given), source)
+    named = _named_executable(option, "--mbdyn", "PILOTGEN_MBDYN")
+    if named is not None:
+        return named
     on_path = shutil.which("mbdyn")
     if on_path is not None:
         return Path(on_path)
@@ -76,7 +76,11 @@ def find_mbdyn(option: str | os.PathLike[str] | None = None) -> Path:
     )
 
 
-def _require_executable(path: Path, source: str) -> Path:
+def _named_executable(option: str | os.PathLike[str] | None, flag: str, variable: str) -> Path | None:
+    source, given = (flag, option) if option else (variable, os.environ.get(variable))
+    if not given:
+        return None
+    path = Path(given)
     if not path.exists():
         raise FileError(f"{source}: '{path}' does not exist; the path of a solver executable was expected")
     if not path.is_file() or not os.access(path, os.X_OK):

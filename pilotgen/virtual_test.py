@@ -19,6 +19,7 @@ import numpy as np
 from pilotgen.deck import number, render_direct
 from pilotgen.descriptor import Complexes, Floats
 from pilotgen.errors import EvaluationError, FileError, MatrixError
+from pilotgen.files import write_text
 from pilotgen.pipeline import SolvedPilot, Workbench
 from pilotgen.study import Reflex
 
@@ -212,7 +213,7 @@ class Laboratory:
         text = self.deck(drive, final_time_s, time_step_s, activation_check)
         where = self._keep if self._keep is not None else self._bench.scratch
         if self._keep is not None:
-            (where / f"{name}.mbd").write_text(text, encoding="utf-8")
+            write_text(where / f"{name}.mbd", text)
         output = where / f"{name}.motion.h5"
         limit = self._bench.time_limit_s
         self._bench.time_limit_s = TIME_LIMIT_S

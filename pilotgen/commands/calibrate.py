@@ -37,10 +37,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="do not repeat the fit with other bodies",
     )
-    parser.add_argument(
-        "--mbdae", metavar="PATH", default=None, help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, "
-        "or PATH"
-    )  # fmt: skip
+    common.add_mbdae(parser)
     parser.set_defaults(run=run)
 
 

@@ -64,14 +64,19 @@ def add_solver(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--solver", choices=("mbdae", "mbdyn"), default="mbdae", help="who linearises the pilot's deck (default: mbdae)"
     )
+    add_mbdae(parser)
+    parser.add_argument(
+        "--mbdyn", metavar="PATH", default=None, help="the mbdyn program for --solver mbdyn; default: found on PATH"
+    )
+
+
+def add_mbdae(parser: argparse.ArgumentParser) -> None:
+    """Add the path of mbdae."""
     parser.add_argument(
         "--mbdae",
         metavar="PATH",
         default=None,
         help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, or PATH",
-    )
-    parser.add_argument(
-        "--mbdyn", metavar="PATH", default=None, help="the mbdyn program for --solver mbdyn; default: found on PATH"
     )
 
 

@@ -6,7 +6,6 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-import math
 from typing import Any
 
 from pilotgen.commands import common
@@ -40,7 +39,7 @@ def add_parser(commands: Any) -> None:
         dest="amplitudes",
         metavar="A",
         nargs="+",
-        type=_positive,
+        type=common.positive_float,
         default=None,
         help="amplitude of the seat's acceleration [m/s^2], one or several (default: 0.05); random motion has the same "
         "power as a sine of that amplitude",
@@ -56,7 +55,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--duration",
         metavar="T",
-        type=_positive,
+        type=common.positive_float,
         default=None,
         help="longest sine test (default: 64) and evaluated time of the random test (default: 32) [s]",
     )
@@ -72,28 +71,13 @@ def add_parser(commands: Any) -> None:
         default="ida",
         help="ida: variable step; ms: MBDyn's method at the deck's fixed step (default: ida)",
     )
-    parser.add_argument(
-        "--mbdae",
-        metavar="PATH",
-        default=None,
-        help="the mbdae program; default: PILOTGEN_MBDAE, the one installed, or PATH",
-    )
+    common.add_mbdae(parser)
     parser.add_argument("--no-figures", action="store_true", help="do not draw the figure")
     parser.set_defaults(run=run)
 
 
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a positive number")
-    return value
-
-
 def _frequencies(text: str) -> list[float]:
-    values = [_positive(part) for part in text.split(",") if part.strip()]
+    values = [common.positive_float(part) for part in text.split(",") if part.strip()]
     for value in values:
         if not 0.05 <= value <= 50.0:
             raise argparse.ArgumentTypeError(f"{value:g} Hz is outside 0.05 to 50 Hz")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -301,3 +304,19 @@ def test_report_of_what_is_no_study(run: Run, tmp_path: Path) -> None:
     refused(run("report", tmp_path / "none"), r"study\.h5 does not exist")
     (tmp_path / "study.h5").write_text("nonsense")
     refused(run("report", tmp_path), r"study\.h5")
+
+
+def test_an_ascii_terminal_is_no_reason_to_fail() -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "pilotgen", "pilot", "caf\u00e9.yaml", "-o", "x"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(r"pilotgen: error: caf\xe9.yaml: no such file")
+
+
+def test_a_full_disk_behind_standard_output(tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "pilotgen", "pilot", str(MAYO), "-o", str(tmp_path / "out"), "--no-figures"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "pilotgen: error: standard output or a file: No space left on device\n"

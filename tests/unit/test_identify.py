@@ -244,9 +244,9 @@ def test_the_command(mbdae: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--amplitude", "-1"], "is not a positive number"),
+        (["--amplitude", "-1"], "greater than zero"),
         (["--frequencies", "0.001"], "outside 0.05 to 50 Hz"),
-        (["--frequencies", "three"], "is not a positive number"),
+        (["--frequencies", "three"], "is not a number"),
         (["--method", "guess"], "invalid choice"),
         (["--seed", "-3"], "a seed is 0 or more"),
     ],
