@@ -66,7 +66,7 @@ build/release.stamp: build/system-test.stamp $(VENV)/installed.stamp
 
 build/sanitize.stamp: build/system-test.stamp $(SOLVER_SOURCES)
 	@echo "Building the solver's tests with sanitizers"
-	@cmake -S solvers -B build/sanitize -G Ninja -DMBDAE_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo \
+	@cmake -S solvers -B build/sanitize -G Ninja -DMBDAE_SANITIZE=ON -DMBDAE_BUILD_FUZZERS=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo \
 	    -DCMAKE_CXX_FLAGS_RELWITHDEBINFO='-O1 -g1' >build/cmake.log || { cat build/cmake.log; exit 1; }
 	@cmake --build build/sanitize >build/ninja.log || { cat build/ninja.log; exit 1; }
 	@touch $@
@@ -118,10 +118,8 @@ tidy: build/release.stamp ## Run clang-tidy over the solver (some minutes)
 	@find solvers/mbdae -name '*.cpp' | xargs -P $(JOBS) -n 1 clang-tidy --quiet -p build/solver
 
 .PHONY: fuzz
-fuzz: build/sanitize.stamp ## Throw mutated decks at the reader
-	@cmake build/sanitize -DMBDAE_BUILD_FUZZERS=ON >build/cmake.log || { cat build/cmake.log; exit 1; }
-	@cmake --build build/sanitize >build/ninja.log || { cat build/ninja.log; exit 1; }
-	@for fuzzer in build/sanitize/fuzz_*; do [ ! -x "$$fuzzer" ] || "$$fuzzer"; done
+fuzz: build/sanitize.stamp ## Throw mutated decks at the reader for ten minutes
+	@for fuzzer in build/sanitize/fuzz_*; do [ ! -x "$$fuzzer" ] || [ -d "$$fuzzer" ] || "$$fuzzer" 600 "$$RANDOM"; done
 
 .PHONY: clean
 clean: ## Remove what was built; results and .venv stay
