@@ -6,10 +6,12 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pilotgen import cockpit as cockpit_module
 from pilotgen.biometrics import Biometrics
 from pilotgen.body import Body, make_body
 from pilotgen.cockpit import check_cockpit, cockpit_data, make_cockpit
@@ -144,3 +146,13 @@ def test_a_study_is_told_which_line_is_wrong(cockpit: object, line: str) -> None
 def test_bad_settings_are_told(mean_man: Body, settings: dict[str, object], words: str) -> None:
     with pytest.raises(StudyError, match=words):
         make_cockpit(mean_man, **settings)  # type: ignore[arg-type]
+
+
+def test_format_page_tells_every_number_with_its_range() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "io_formats" / "study.md").read_text(encoding="utf-8")
+    for section, keys in cockpit_module._LIMITS.items():
+        for key, (low, high, unit) in keys.items():
+            value = cockpit_data(None)[section][key]
+            shown = str(value) if isinstance(value, list) else f"{value:g}"
+            assert f"| `{section}.{key}` | {unit or '-'} | {low:g} to {high:g} | {shown} |" in page
+    assert set(cockpit_data(None)) == set(cockpit_module._LIMITS)
