@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     smallest = dict.fromkeys(problem.objectives, math.inf)
     unstable = 0
     with locked_directory(args.output, args.resume) as directory:
-        workers = make_workers(args)
+        workers = make_workers(args, min(args.number, CHUNK))
         try:
             with open_journal(directory, study) as journal:
                 campaign = make_campaign(args, study, journal, workers, print_hash)

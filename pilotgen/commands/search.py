@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     study = read_study(args.study)
     print_hash = fingerprint(study, args.mbdae, args.solver)  # also finds out early that there is no solver
     with locked_directory(args.output, args.resume) as directory:
-        workers = make_workers(args)
+        workers = make_workers(args, study.search.population)
         try:
             with open_journal(directory, study) as journal:
                 campaign = make_campaign(args, study, journal, workers, print_hash)
@@ -75,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
     return 0 if any(row["status"] == "ok" for row in rows) else 2
 
 
-def make_workers(args: argparse.Namespace) -> Workers:
-    """Who evaluates, as the command line says."""
-    count = args.workers if args.workers is not None else len(os.sched_getaffinity(0))
+def make_workers(args: argparse.Namespace, most: int) -> Workers:
+    """Who evaluates, as the command line says; no more than `most`, the pilots that are asked for at a time."""
+    count = min(args.workers if args.workers is not None else len(os.sched_getaffinity(0)), most)
     if args.executor == "dask":
         from pilotgen.dask_workers import DaskWorkers
 

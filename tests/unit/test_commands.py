@@ -231,7 +231,7 @@ def test_a_pilot_that_fails_is_a_result(run: Run, tmp_path: Path) -> None:
 
 
 def test_search_end_to_end_resumed_and_served(run: Run, tmp_path: Path) -> None:
-    code, out, err = run("search", QUICK, "-o", tmp_path / "a", "--workers", "2", "--no-report")
+    code, out, err = run("search", QUICK, "-o", tmp_path / "a", "--workers", "1000", "--no-report")
     assert code == 0, err
     assert "worst pilots" in out
     assert "generation 3/3" in err
