@@ -1,8 +1,8 @@
 """Read and write matrices files: one linearised model, names included.
 
-The format is docs/io_formats/matrices.md. A search reads thousands of these files, hence HDF5's low-level interface.
-With `complete=False` only what every reader needs is read at once (the matrix pair and the names of the unknowns); the
-state and the columns of the tables of nodes, joints, inputs and muscles follow when they are first asked for.
+The format is docs/io_formats/matrices.md. A search reads thousands of these files. With `complete=False` only what every
+reader needs is read at once (the matrix pair and the names of the unknowns); the state and the columns of the tables of
+nodes, joints, inputs and muscles follow when they are first asked for.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -13,19 +13,16 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5f, h5s, h5t
 from numpy.typing import NDArray
 
+from pilotgen.datasets import FILETYPE, VERSION, Source, open_source
 from pilotgen.descriptor import DescriptorModel, Floats, make_descriptor
-from pilotgen.errors import FileError, MatrixError
-from pilotgen.layout import Layout, Sample, compare, take_sample
+from pilotgen.errors import MatrixError
 
-FILETYPE = "pilotgen matrices"
-VERSION = (1, 0)
 Names = NDArray[np.bytes_]
 Integers = NDArray[np.int64]
 
@@ -93,8 +90,10 @@ _TABLES: dict[str, tuple[type, dict[str, tuple[object, ...]]]] = {
          "force": ("k",)},
     ),
 }  # fmt: skip
-_STRING_DATASETS = {"name", "type", "unit", "kind"}
-_INTEGER_DATASETS = {"label", "first", "dofs", "owner"}
+_DATASETS = (
+    *("J_plus", "J_minus", "c", "time", "dofs/name", "dofs/kind", *_VECTORS),
+    *(f"{group}/{name}" for group, (_, shapes) in _TABLES.items() for name in shapes),
+)
 
 
 @dataclass(frozen=True)
@@ -221,7 +220,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     MatrixError
         It is not a matrices file, is of another version, or a dataset is missing, misshapen or not finite.
     """
-    source = _open_source(os.fspath(path), may_map=not complete)
+    source = open_source(os.fspath(path), () if complete else _DATASETS)
     try:
         matrices = _core(source)
         if complete:
@@ -235,7 +234,7 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     return matrices
 
 
-def _core(source: _Source) -> Matrices:
+def _core(source: Source) -> Matrices:
     J_plus = source.read("J_plus")
     if J_plus.ndim != 2 or J_plus.shape[0] != J_plus.shape[1] or J_plus.shape[0] == 0:
         raise MatrixError(f"{source.path}: dataset 'J_plus' has shape {J_plus.shape}; expected a square matrix")
@@ -262,7 +261,7 @@ def _core(source: _Source) -> Matrices:
 class _SourceTables:
     """Reads a vector or table when it is asked for."""
 
-    source: _Source
+    source: Source
     n: int
 
     def __call__(self, group: str) -> Any:
@@ -274,7 +273,7 @@ class _SourceTables:
 class _LazyTable:
     """Stands for a table (`NodeTable`, ...): a column is read and checked when it is first used."""
 
-    def __init__(self, source: _Source, group: str, n: int) -> None:
+    def __init__(self, source: Source, group: str, n: int) -> None:
         self._source, self._group, self._n = source, group, n
         self._length: int | None = None
 
@@ -287,14 +286,14 @@ class _LazyTable:
         return value
 
 
-def _shaped(source: _Source, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+def _shaped(source: Source, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     value = source.read(name)
     if value.shape != shape:
         raise MatrixError(f"{source.path}: dataset '{name}' has shape {value.shape}; expected {shape}")
     return value
 
 
-def _read_table(source: _Source, group: str, n: int) -> Any:
+def _read_table(source: Source, group: str, n: int) -> Any:
     if group in _VECTORS:
         return _shaped(source, group, (n,))
     table, shapes = _TABLES[group]
@@ -305,7 +304,7 @@ def _read_table(source: _Source, group: str, n: int) -> Any:
     return table(**columns)
 
 
-def _read_column(source: _Source, group: str, name: str, n: int, length: int | None) -> tuple[NDArray[Any], int]:
+def _read_column(source: Source, group: str, name: str, n: int, length: int | None) -> tuple[NDArray[Any], int]:
     """Return a column and the table's length, which the first column that is read (`length` None) decides."""
     value = source.read(f"{group}/{name}")
     symbolic = _TABLES[group][1][name]
@@ -316,197 +315,6 @@ def _read_column(source: _Source, group: str, name: str, n: int, length: int | N
     if value.shape != shape:
         raise MatrixError(f"{source.path}: dataset '{group}/{name}' has shape {value.shape}; expected {shape}")
     return value, length
-
-
-# ---- where datasets come from
-
-
-class _Source(Protocol):
-    """An open file."""
-
-    path: str
-
-    def read(self, name: str) -> NDArray[Any]:
-        """Return the dataset as float64, int64 or bytes, whichever its name says, and finite."""
-
-    def attribute(self, name: str) -> str:
-        """Return the text attached to the root group."""
-
-    def close(self) -> None:
-        """Let go of the file; so does the last reference."""
-
-
-class _Hdf5Source:
-    """A file opened with the HDF5 library."""
-
-    def __init__(self, file: h5f.FileID, path: str) -> None:
-        self._file, self.path = file, path
-
-    def read(self, name: str) -> NDArray[Any]:
-        return _read(self._file, self.path, name)
-
-    def attribute(self, name: str) -> str:
-        return _attribute(self._file, self.path, name)
-
-    def close(self) -> None:
-        self._file.close()
-
-
-class _MappedSource:
-    """The bytes of a file whose layout is known."""
-
-    def __init__(self, data: bytes, layout: Layout, path: str) -> None:
-        self._data, self._layout, self.path = data, layout, path
-
-    def read(self, name: str) -> NDArray[Any]:
-        return _finite(self._layout.datasets[name].read(self._data), self.path, name)
-
-    def attribute(self, name: str) -> str:
-        return self._layout.deck_hash(self._data) if name == "deck_sha256" else self._layout.attributes[name]
-
-    def close(self) -> None:
-        pass
-
-
-_PAIRS_TO_COMPARE = 5  # files of one size that are looked at in search of a common layout, before it is given up
-_layouts: dict[int, Layout] = {}  # by size of the file
-_samples: dict[int, Sample] = {}
-_looked_at: dict[int, int] = {}
-
-
-def _open_source(path: str, may_map: bool) -> _Source:
-    data = b""
-    if may_map:
-        try:
-            with open(path, "rb", buffering=0) as plain:
-                data = plain.read()
-        except OSError:
-            pass  # the library's way below says what is wrong
-        layout = _layouts.get(len(data))
-        if layout is not None and layout.fits(data):
-            return _MappedSource(data, layout, path)
-    file = _open(path)
-    try:
-        _check_stranger(file, path)
-    except BaseException:
-        file.close()
-        raise
-    if data:
-        _learn(data)
-    return _Hdf5Source(file, path)
-
-
-def _learn(data: bytes) -> None:
-    """Compare a file with an earlier one of its size; the first file of a size costs nothing."""
-    size = len(data)
-    _looked_at[size] = _looked_at.get(size, 0) + 1
-    if not 1 < _looked_at[size] <= 1 + _PAIRS_TO_COMPARE:
-        return
-    sample, earlier = take_sample(data), _samples.get(size)
-    layout = compare(earlier, sample) if earlier is not None and sample is not None else None
-    if sample is not None:
-        _samples[size] = sample
-    # A layout is used for what the reading below would accept: all datasets there, of the right kinds.
-    if layout is not None and all(_kind_is_right(name, layout) for name in _all_datasets()):
-        _layouts[size] = layout
-        del _samples[size]
-
-
-def _all_datasets() -> list[str]:
-    core = ["J_plus", "J_minus", "c", "time", "dofs/name", "dofs/kind", *_VECTORS]
-    return core + [f"{group}/{name}" for group, (_, shapes) in _TABLES.items() for name in shapes]
-
-
-def _kind_is_right(name: str, layout: Layout) -> bool:
-    dataset, leaf = layout.datasets.get(name), name.rpartition("/")[2]
-    wanted = "S" if leaf in _STRING_DATASETS else "i" if leaf in _INTEGER_DATASETS else "f"
-    return dataset is not None and dataset.dtype.kind == wanted
-
-
-def _open(path: str) -> h5f.FileID:
-    try:
-        return h5f.open(os.fsencode(path), h5f.ACC_RDONLY)
-    except FileNotFoundError as error:
-        raise FileError(f"{path}: no such file; expected a matrices file written by mbdae") from error
-    except OSError as error:
-        if os.path.isdir(path) or not os.access(path, os.R_OK):
-            raise FileError(f"{path}: cannot be read; expected a matrices file written by mbdae") from error
-        message = f"{path} is not a {FILETYPE} file: it is not HDF5, or it was not written to its end"
-        raise MatrixError(message) from error
-
-
-def _check_stranger(file: h5f.FileID, path: str) -> None:
-    if not h5a.exists(file, b"filetype"):
-        raise MatrixError(f"{path} is not a {FILETYPE} file: it has no attribute 'filetype'")
-    filetype = _attribute(file, path, "filetype")
-    if filetype != FILETYPE:
-        raise MatrixError(f"{path} is not a {FILETYPE} file: its filetype is '{filetype}'")
-    version = np.atleast_1d(_attribute_value(file, path, "version"))
-    if version.shape != (2,) or version.dtype.kind not in "iu":
-        raise MatrixError(f"{path}: attribute 'version' must be two integers (major, minor)")
-    if version[0] != VERSION[0]:
-        raise MatrixError(
-            f"{path}: version {version[0]}.{version[1]} of the format; this program reads {VERSION[0]}.x; "
-            "write the file again with the mbdae of this pilotgen"
-        )
-
-
-def _attribute_value(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
-    try:
-        attribute = h5a.open(file, name.encode())
-    except KeyError as error:
-        raise MatrixError(f"{path}: attribute '{name}' is missing") from error
-    stored = attribute.get_type()
-    if stored.get_class() == h5t.STRING and not stored.is_variable_str():
-        value = np.empty(attribute.shape, f"S{stored.get_size()}")
-        attribute.read(value, stored)
-    else:
-        value = np.empty(attribute.shape, attribute.dtype)
-        attribute.read(value)
-    return value
-
-
-def _attribute(file: h5f.FileID, path: str, name: str) -> str:
-    value = _attribute_value(file, path, name).item()
-    if isinstance(value, bytes):
-        return value.decode(errors="replace")
-    if isinstance(value, str):
-        return value
-    raise MatrixError(f"{path}: attribute '{name}' is {value!r}; expected text")
-
-
-def _read(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
-    """Return the dataset as float64, int64 or bytes, whichever its name says, and finite."""
-    try:
-        dataset = h5d.open(file, name.encode())
-    except KeyError as error:
-        raise MatrixError(f"{path}: dataset '{name}' is missing") from error
-    # h5py's own search for dtypes and memory types costs more than the reading: ask HDF5 for the class, name the type
-    stored = dataset.get_type()
-    stored_class = stored.get_class()
-    leaf = name.rpartition("/")[2]
-    if leaf in _STRING_DATASETS:
-        wanted, is_right = "fixed-length text", stored_class == h5t.STRING and not stored.is_variable_str()
-        memory_type, dtype = stored, f"S{stored.get_size()}"
-    elif leaf in _INTEGER_DATASETS:
-        wanted, is_right = "integers", stored_class == h5t.INTEGER
-        memory_type, dtype = h5t.NATIVE_INT64, "i8"
-    else:
-        wanted, is_right = "real numbers", stored_class in (h5t.FLOAT, h5t.INTEGER)
-        memory_type, dtype = h5t.NATIVE_DOUBLE, "f8"
-    if not is_right:
-        raise MatrixError(f"{path}: dataset '{name}' holds {dataset.dtype}; expected {wanted}")
-    value = np.empty(dataset.get_space().get_simple_extent_dims(), dtype)
-    if value.size:
-        dataset.read(h5s.ALL, h5s.ALL, value, memory_type)
-    return _finite(value, path, name)
-
-
-def _finite(value: NDArray[Any], path: str, name: str) -> NDArray[Any]:
-    if value.dtype.kind == "f" and not np.isfinite(value).all():
-        where = np.argwhere(~np.isfinite(value))[0]
-        raise MatrixError(f"{path}: dataset '{name}' has {value[tuple(where)]} at {list(map(int, where))}")
-    return value
 
 
 # ---- writing

@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
-from pilotgen import matrices as room
+from pilotgen import datasets as room
 from pilotgen.errors import MatrixError
 from pilotgen.layout import compare, take_sample
-from pilotgen.matrices import read_matrices
+from pilotgen.matrices import _TABLES, _VECTORS, read_matrices
 from pilotgen.solver import SolverClient
 
 
@@ -40,9 +40,9 @@ def write(solver: SolverClient, deck: str, path: Path) -> bytes:
 def content(path: Path, complete: bool) -> dict[str, Any]:
     matrices = read_matrices(path, complete)
     found = {f.name: getattr(matrices, f.name) for f in dataclasses.fields(matrices) if f.name != "_table"}
-    for name in room._VECTORS:
+    for name in _VECTORS:
         found[name] = getattr(matrices, name)
-    for group, (_, columns) in room._TABLES.items():
+    for group, (_, columns) in _TABLES.items():
         found.update({f"{group}.{column}": getattr(getattr(matrices, group), column) for column in columns})
     return found
 
