@@ -1,8 +1,8 @@
 """Read and write matrices files: one linearised model, names included.
 
-The format is docs/io_formats/matrices.md. A search reads thousands of these files. With `complete=False` only what every
-reader needs is read at once (the matrix pair and the names of the unknowns); the state and the columns of the tables of
-nodes, joints, inputs and muscles follow when they are first asked for.
+The format is docs/io_formats/matrices.md. A search reads thousands of these files. With `complete=False` only what
+every reader needs is read at once (the matrix pair and the names of the unknowns); the state and the columns of the
+tables of nodes, joints, inputs and muscles follow when they are first asked for.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
