@@ -36,11 +36,12 @@ from pilotgen.helicopter import HeaveModel
 from pilotgen.loop import LoopModel
 from pilotgen.margins import Margins, margins
 from pilotgen.matrices import Matrices, read_matrices
+from pilotgen.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.pilot_model import PilotModel
 from pilotgen.posture import Posture, first_guess, from_poses
 from pilotgen.reflex import reflex_gains
 from pilotgen.scratch import ScratchDirectory
-from pilotgen.solver import SolverClient, SolverReply, find_mbdae, find_mbdyn, run_mbdyn
+from pilotgen.solver import SolverClient, SolverReply, find_mbdae
 from pilotgen.statespace import StateSpaceModel
 from pilotgen.study import Study
 

@@ -1,4 +1,4 @@
-"""Find, start, ask and restart the solver `mbdae`, or run an installed MBDyn on the same deck.
+"""Find, start, ask and restart the solver `mbdae`.
 
 Protocol: docs/io_formats/serve.md. One `SolverClient` keeps one `mbdae --serve` alive between pilots. When that process
 dies, hangs or answers nonsense, the request at hand fails with a SolverError that says so, and the next one gets a new
@@ -45,7 +45,7 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
     Looked for in this order: `option`, the environment variable PILOTGEN_MBDAE, the installed package, PATH. Something
     named by the first two must be there: it is an error, not a reason to look on.
     """
-    named = _named_executable(option, "--mbdae", "PILOTGEN_MBDAE")
+    named = named_executable(option, "--mbdae", "PILOTGEN_MBDAE")
     if named is not None:
         return named
     packaged = resources.files("pilotgen").joinpath("bin", "mbdae")
@@ -62,21 +62,8 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
     )
 
 
-def find_mbdyn(option: str | os.PathLike[str] | None = None) -> Path:
-    """Return the path of MBDyn's executable: `option`, the environment variable PILOTGEN_MBDYN, or PATH."""
-    named = _named_executable(option, "--mbdyn", "PILOTGEN_MBDYN")
-    if named is not None:
-        return named
-    on_path = shutil.which("mbdyn")
-    if on_path is not None:
-        return Path(on_path)
-    raise FileError(
-        "MBDyn is not installed: no 'mbdyn' on PATH and PILOTGEN_MBDYN is not set. "
-        "Install MBDyn with module-muscles, or use the solver that comes with pilotgen (--solver mbdae)"
-    )
-
-
-def _named_executable(option: str | os.PathLike[str] | None, flag: str, variable: str) -> Path | None:
+def named_executable(option: str | os.PathLike[str] | None, flag: str, variable: str) -> Path | None:
+    """A program that an option or else an environment variable names; FileError if it is not there."""
     source, given = (flag, option) if option else (variable, os.environ.get(variable))
     if not given:
         return None
@@ -255,7 +242,7 @@ class SolverClient:
         words = running.last_words()
         running.end()
         if code is not None and code < 0:
-            how = f"died with signal {_signal_name(-code)}"
+            how = f"died with signal {signal_name(-code)}"
         else:
             how = f"ended with exit code {code}" if code is not None else "closed its output"
         return f"mbdae {how} on {name}" + (f"; its last words: {words}" if words else "")
@@ -377,7 +364,8 @@ def _end_process(process: subprocess.Popen[bytes], owner_pid: int) -> None:
         process.wait()
 
 
-def _signal_name(number: int) -> str:
+def signal_name(number: int) -> str:
+    """`SIGSEGV` for 11."""
     try:
         return signal.Signals(number).name
     except ValueError:
@@ -437,81 +425,3 @@ def _read_pose(item: dict[str, Any]) -> NodePose:
     if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
         raise ValueError(f"pose of node {item['name']!r} is not finite")
     return NodePose(position, orientation)
-
-
-# ---- MBDyn -------------------------------------------------------------------------------------------------------
-
-
-def run_mbdyn(
-    deck_path: str | os.PathLike[str],
-    workdir: str | os.PathLike[str],
-    executable: str | os.PathLike[str] | None = None,
-    timeout_s: float = 120.0,
-) -> Path:
-    """Run MBDyn on a deck and return its result file: NetCDF `PREFIX.nc`, else the eigenanalysis text `PREFIX_00.m`.
-
-    Parameters
-    ----------
-    deck_path : the deck
-    workdir : directory for MBDyn's output, made if it is missing; the prefix is the deck's name without extension
-    executable : path of `mbdyn`; None = `find_mbdyn`
-    timeout_s : time limit [s]
-
-    Raises
-    ------
-    FileError
-        no MBDyn, no deck, or an unusable directory
-    SolverError
-        stage "solver": MBDyn refused the deck, died, took too long or left no result.
-    """
-    mbdyn = find_mbdyn(executable)
-    deck = Path(deck_path).resolve()
-    if not deck.is_file():
-        raise FileError(f"cannot read the deck '{deck_path}': no such file")
-    directory = Path(workdir)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot use '{workdir}' for MBDyn's output: {error.strerror}") from error
-    prefix = directory.resolve() / deck.stem
-    candidates = (prefix.with_name(f"{deck.stem}.nc"), prefix.with_name(f"{deck.stem}_00.m"))
-    for stale in candidates:
-        stale.unlink(missing_ok=True)  # of an earlier run: must not pass for the result of this one
-    try:
-        done = subprocess.run(
-            [str(mbdyn), "-f", str(deck), "-o", str(prefix)],
-            cwd=directory,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            timeout=timeout_s,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise SolverError(
-            "solver", f"mbdyn did not finish {deck.name} within {timeout_s:g} s and was stopped"
-        ) from None
-    except OSError as error:
-        raise FileError(f"cannot start '{mbdyn}': {error.strerror}") from error
-    text = done.stdout.decode(errors="replace")
-    (directory / f"{deck.stem}.log.txt").write_text(text)
-    if done.returncode < 0:
-        raise SolverError("solver", f"mbdyn died with signal {_signal_name(-done.returncode)} on {deck.name}")
-    if done.returncode != 0:
-        words = _mbdyn_words(text)
-        raise SolverError("solver", f"mbdyn ended with exit code {done.returncode} on {deck.name}: {words}")
-    for result in candidates:
-        if result.is_file():
-            return result
-    raise SolverError(
-        "solver",
-        f"mbdyn finished {deck.name} but left neither {candidates[0].name} nor {candidates[1].name}; "
-        "the deck needs an eigenanalysis card with 'output matrices' (and 'output results: netcdf' for .nc)",
-    )
-
-
-def _mbdyn_words(text: str) -> str:
-    """The line of MBDyn's output that says most about a failure: the last one with `error`, else the last one."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    errors = [line for line in lines if "error" in line.lower()]
-    return (errors or lines or ["no message"])[-1][:300]

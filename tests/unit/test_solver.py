@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import FileError, SolverError
-from pilotgen.solver import SolverClient, find_mbdae, find_mbdyn, run_mbdyn
+from pilotgen.mbdyn import find_mbdyn, run_mbdyn
+from pilotgen.solver import SolverClient, find_mbdae
 
 REPLY = {
     "id": None,
