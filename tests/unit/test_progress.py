@@ -62,7 +62,10 @@ def on_terminal(columns: int, *texts: str) -> str:
             for text in texts:
                 line.update(text, milestone=True)
             line.finish()
-        return os.read(ours, 65536).decode()
+        received = b""
+        while not received.endswith(b"\n"):  # the kernel may hand it over in pieces; `finish` ends with a newline
+            received += os.read(ours, 65536)
+        return received.decode()
     finally:
         os.close(ours)
         os.close(theirs)
