@@ -247,6 +247,59 @@ TEST_CASE("a file that cannot be written leaves nothing behind and says why") {
   }
 }
 
+TEST_CASE("a file filled again is the file made anew") {
+  const TemporaryDirectory directory;
+  const auto bytes_of = [&](const std::string& name) {
+    std::ifstream in(directory.file(name), std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const auto make = [](double value, const std::string& text, const std::vector<std::string>& names) {
+    return [=](Hdf5File& file) {
+      file.root().attribute("text", text);
+      file.root().dataset("a", value);
+      Hdf5Group group = file.root().group("group");
+      group.dataset("numbers", std::vector<double>{value, 2.0 * value});
+      group.dataset("names", names);
+      group.dataset("none", std::vector<double>{});
+    };
+  };
+  const auto first = make(1.0, "one", {"x", "yy"});
+  Hdf5File file(0);
+  first(file);
+  file.save(directory.file("again.h5"));
+  for (const auto& fill : {make(3.0, "two", {"yy", "z"}), make(3.0, "six", {"", "ab"}), first}) {
+    file.refill();
+    fill(file);
+    file.save(directory.file("again.h5"));
+    Hdf5File fresh(0);
+    fill(fresh);
+    fresh.save(directory.file("fresh.h5"));
+    CHECK(bytes_of("again.h5") == bytes_of("fresh.h5"));
+  }
+  SECTION("an attribute of another length") {
+    file.refill();
+    CHECK_THROWS_AS(make(1.0, "longer", {"x", "yy"})(file), Hdf5StructureDiffers);
+  }
+  SECTION("texts of another length") {
+    file.refill();
+    CHECK_THROWS_AS(make(1.0, "one", {"x", "yyy"})(file), Hdf5StructureDiffers);
+  }
+  SECTION("another number of texts of the same total length") {
+    file.refill();
+    CHECK_THROWS_AS(make(1.0, "one", {"x", "y", "z", "w"})(file), Hdf5StructureDiffers);
+  }
+  SECTION("another name") {
+    file.refill();
+    file.root().attribute("text", "one");
+    CHECK_THROWS_AS(file.root().dataset("b", 1.0), Hdf5StructureDiffers);
+  }
+  SECTION("too little") {
+    file.refill();
+    file.root().attribute("text", "one");
+    CHECK_THROWS_AS(file.save(directory.file("again.h5")), Hdf5StructureDiffers);
+  }
+}
+
 TEST_CASE("a state file that is none is refused in words") {
   const TemporaryDirectory directory;
   CHECK_THROWS_WITH(read_state(directory.file("absent.h5")), Catch::Matchers::Contains("No such file"));

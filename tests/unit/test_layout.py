@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -111,3 +112,16 @@ def test_numbers_that_are_not_finite_are_refused(tmp_path: Path, solver: SolverC
         path.write_bytes(changed)
         with pytest.raises(MatrixError, match=rf"dataset '{name}' has nan at \[0, 2\]"):
             _ = read_matrices(path, complete=False).inputs.g_u
+
+
+def test_file_of_a_serving_solver_is_that_of_a_fresh_one(
+    tmp_path: Path, mbdae: Path, solver: SolverClient, decks: list[str], data_directory: Path
+) -> None:
+    """The serving solver fills one file again and again; a fresh process makes each anew."""
+    other = (data_directory / "mbdyn_cases" / "c07_total.mbd").read_text()
+    for k, text in enumerate([decks[0], decks[1], decks[1], other, decks[2], decks[0]]):
+        served = write(solver, text, tmp_path / "served.h5")
+        deck = tmp_path / f"{k}.mbd"
+        deck.write_text(text)
+        subprocess.run([mbdae, deck, "-o", tmp_path / str(k)], check=True, capture_output=True)
+        assert served == (tmp_path / f"{k}.h5").read_bytes()

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <bit>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -18,6 +19,8 @@ namespace {
 
 static_assert(sizeof(hid_t) == sizeof(std::int64_t));
 static_assert(sizeof(hsize_t) == sizeof(std::uint64_t));
+// Values are in memory as they are in the file.
+static_assert(std::endian::native == std::endian::little && sizeof(int) == 4);
 
 /// HDF5 prints its error stack by default; the exceptions of this file say what a person needs.
 void silence_hdf5() {
@@ -45,14 +48,6 @@ Hdf5Handle string_type(std::size_t length) {
   return type;
 }
 
-void write_attribute(std::int64_t owner, const std::string& name, std::int64_t type, std::int64_t memory_type,
-                     const void* data, std::span<const std::uint64_t> dimensions) {
-  const Hdf5Handle space = dataspace(dimensions);
-  const Hdf5Handle attribute(H5Acreate2(owner, name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
-                             name.c_str());
-  if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
-}
-
 /// Creation properties without times: a file depends on what is in it, not on when it was written.
 Hdf5Handle timeless(std::int64_t property_class) {
   Hdf5Handle properties(H5Pcreate(property_class), H5Pclose, "creation properties");
@@ -68,10 +63,25 @@ Hdf5Handle create_in_memory(std::size_t expected_bytes) {
   // The 1.8 format: compact as the latest one, but without its "open for writing" mark, which stays in an image.
   H5Pset_libver_bounds(access.id(), H5F_LIBVER_V18, H5F_LIBVER_V18);
   const Hdf5Handle creation = timeless(H5P_FILE_CREATE);
-  return {H5Fcreate("in memory", H5F_ACC_TRUNC, creation.id(), access.id()), H5Fclose, "file in memory"};
+  static int count = 0;  // HDF5 opens no two files of one name at a time
+  const std::string name = "in memory " + std::to_string(++count);
+  return {H5Fcreate(name.c_str(), H5F_ACC_TRUNC, creation.id(), access.id()), H5Fclose, "file in memory"};
 }
 
 Hdf5Handle open_root(const Hdf5Handle& file) { return {H5Gopen2(file.id(), "/", H5P_DEFAULT), H5Gclose, "root group"}; }
+
+/// The in-memory driver's own buffer: the whole file. (H5Fget_file_image of HDF5 1.10 resets a byte that the
+/// superblock's checksum covers, without renewing the checksum.)
+std::span<char> image_of(const Hdf5Handle& file) {
+  void* buffer = nullptr;
+  hsize_t size = 0;
+  // The first flush of a new file gives back unused space, the second one notes its end.
+  if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 || H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 ||
+      H5Fget_vfd_handle(file.id(), H5P_DEFAULT, &buffer) < 0 || H5Fget_filesize(file.id(), &size) < 0) {
+    throw FileError("HDF5: no image of the file in memory");
+  }
+  return {*static_cast<char* const*>(buffer), size};
+}
 
 /// A file descriptor that closes itself.
 class Descriptor {
@@ -111,43 +121,78 @@ Hdf5Handle::Hdf5Handle(Hdf5Handle&& other) noexcept : id_(std::exchange(other.id
 // ---- groups ------------------------------------------------------------------------------------------------------
 
 Hdf5Group Hdf5Group::group(const std::string& name) {
+  const std::string prefix = prefix_ + name + "/";
+  if (record_->refilling) return {std::nullopt, *record_, prefix};
   const Hdf5Handle creation = timeless(H5P_GROUP_CREATE);
-  return Hdf5Group(Hdf5Handle(H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Gclose,
-                              name.c_str()));
+  return {Hdf5Handle(H5Gcreate2(handle_->id(), name.c_str(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Gclose,
+                     name.c_str()),
+          *record_, prefix};
+}
+
+void Hdf5Group::write_attribute(const std::string& name, std::int64_t type, std::int64_t memory_type, const void* data,
+                                std::size_t bytes, std::span<const std::uint64_t> dimensions) {
+  const std::string value(static_cast<const char*>(data), bytes);
+  if (record_->refilling) {
+    if (record_->next_attribute == record_->attributes.size()) throw Hdf5StructureDiffers();
+    Hdf5Record::Attribute& known = record_->attributes[record_->next_attribute++];
+    if (known.name != prefix_ + name || known.value.size() != bytes) throw Hdf5StructureDiffers();
+    if (known.value == value) return;
+    const Hdf5Handle attribute(H5Aopen(handle_->id(), name.c_str(), H5P_DEFAULT), H5Aclose, name.c_str());
+    if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
+    known.value = value;
+    return;
+  }
+  const Hdf5Handle space = dataspace(dimensions);
+  const Hdf5Handle attribute(H5Acreate2(handle_->id(), name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT),
+                             H5Aclose, name.c_str());
+  if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
+  record_->attributes.push_back({prefix_ + name, value});
 }
 
 void Hdf5Group::attribute(const std::string& name, const std::string& text) {
   const Hdf5Handle type = string_type(text.size());
   // An empty text still needs the one byte that HDF5 reads.
-  write_attribute(handle_.id(), name, type.id(), type.id(), text.c_str(), {});
+  write_attribute(name, type.id(), type.id(), text.c_str(), std::max<std::size_t>(text.size(), 1), {});
 }
 
 void Hdf5Group::attribute(const std::string& name, const std::array<int, 2>& values) {
   const std::array<std::uint64_t, 1> dimensions{2};
-  write_attribute(handle_.id(), name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), dimensions);
+  write_attribute(name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), sizeof values, dimensions);
 }
 
 void Hdf5Group::attribute(const std::string& name, double value) {
-  write_attribute(handle_.id(), name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, {});
+  write_attribute(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, sizeof value, {});
 }
 
-void Hdf5Group::write(const std::string& name, std::int64_t file_type, std::int64_t memory_type, const void* data,
+void Hdf5Group::write(const std::string& name, char kind, std::int64_t type, std::size_t item_bytes, const void* data,
                       std::span<const std::uint64_t> dimensions) {
+  std::size_t bytes = item_bytes;
+  for (const std::uint64_t size : dimensions) bytes *= size;
+  if (record_->refilling) {
+    if (record_->next_dataset == record_->datasets.size()) throw Hdf5StructureDiffers();
+    const Hdf5Record::Dataset& known = record_->datasets[record_->next_dataset++];
+    if (known.kind != kind || known.bytes != bytes || !std::ranges::equal(known.dimensions, dimensions) ||
+        known.path.size() != prefix_.size() + name.size() || !known.path.starts_with(prefix_) ||
+        !known.path.ends_with(name)) {
+      throw Hdf5StructureDiffers();
+    }
+    if (bytes > 0) std::memcpy(record_->image + known.offset, data, bytes);
+    return;
+  }
   const Hdf5Handle space = dataspace(dimensions);
   const Hdf5Handle creation = timeless(H5P_DATASET_CREATE);
   const Hdf5Handle dataset(
-      H5Dcreate2(handle_.id(), name.c_str(), file_type, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Dclose,
+      H5Dcreate2(handle_->id(), name.c_str(), type, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Dclose,
       name.c_str());
-  for (const std::uint64_t size : dimensions) {
-    if (size == 0) return;  // nothing to write, and `data` may be null
-  }
-  if (H5Dwrite(dataset.id(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) < 0) {
+  record_->datasets.push_back({prefix_ + name, kind, {dimensions.begin(), dimensions.end()}, bytes, 0});
+  if (bytes == 0) return;  // nothing to write, and `data` may be null
+  if (H5Dwrite(dataset.id(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) < 0) {
     throw FileError("HDF5: cannot write dataset " + name);
   }
 }
 
 void Hdf5Group::dataset(const std::string& name, double value) {
-  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, {});
+  write(name, 'f', H5T_IEEE_F64LE, sizeof value, &value, {});
 }
 
 void Hdf5Group::dataset(const std::string& name, std::span<const double> values,
@@ -155,29 +200,29 @@ void Hdf5Group::dataset(const std::string& name, std::span<const double> values,
   std::uint64_t count = 1;
   for (const std::uint64_t size : dimensions) count *= size;
   if (count != values.size()) throw FileError("HDF5: dimensions of dataset " + name + " do not fit its values");
-  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), dimensions);
+  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), values.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const std::vector<double>& values) {
   const std::array<std::uint64_t, 1> dimensions{values.size()};
-  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), dimensions);
+  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), values.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const Eigen::VectorXd& values) {
   const std::array<std::uint64_t, 1> dimensions{static_cast<std::uint64_t>(values.size())};
-  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), dimensions);
+  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), values.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const Eigen::MatrixXd& matrix) {
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
   const std::array<std::uint64_t, 2> dimensions{static_cast<std::uint64_t>(matrix.rows()),
                                                 static_cast<std::uint64_t>(matrix.cols())};
-  write(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, rows.data(), dimensions);
+  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), rows.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const std::vector<int>& values) {
   const std::array<std::uint64_t, 1> dimensions{values.size()};
-  write(name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), dimensions);
+  write(name, 'i', H5T_STD_I32LE, sizeof(int), values.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const std::vector<std::string>& texts) {
@@ -187,24 +232,37 @@ void Hdf5Group::dataset(const std::string& name, const std::vector<std::string>&
   for (std::size_t i = 0; i < texts.size(); ++i) std::copy(texts[i].begin(), texts[i].end(), &packed[i * length]);
   const Hdf5Handle type = string_type(length);
   const std::array<std::uint64_t, 1> dimensions{texts.size()};
-  write(name, type.id(), type.id(), packed.data(), dimensions);
+  write(name, 'S', type.id(), length, packed.data(), dimensions);
 }
 
 // ---- the file ----------------------------------------------------------------------------------------------------
 
-Hdf5File::Hdf5File(std::size_t expected_bytes) : file_(create_in_memory(expected_bytes)), root_(open_root(file_)) {}
+Hdf5File::Hdf5File(std::size_t expected_bytes)
+    : file_(create_in_memory(expected_bytes)), root_(open_root(file_), record_, "") {}
+
+void Hdf5File::refill() {
+  const std::span<char> image = image_of(file_);
+  if (!record_.refilling) {
+    for (Hdf5Record::Dataset& known : record_.datasets) {
+      if (known.bytes == 0) continue;
+      const Hdf5Handle dataset(H5Dopen2(file_.id(), known.path.c_str(), H5P_DEFAULT), H5Dclose, known.path.c_str());
+      known.offset = H5Dget_offset(dataset.id());
+      if (known.offset == HADDR_UNDEF || known.offset + known.bytes > image.size()) {
+        throw FileError("HDF5: dataset " + known.path + " is not in one piece");
+      }
+    }
+  }
+  record_.refilling = true;
+  record_.next_dataset = record_.next_attribute = 0;
+  record_.image = image.data();
+}
 
 void Hdf5File::save(const std::string& path) {
-  if (H5Fflush(file_.id(), H5F_SCOPE_LOCAL) < 0) throw FileError("HDF5: cannot finish '" + path + "' in memory");
-  // The in-memory driver's own buffer. (H5Fget_file_image of HDF5 1.10 resets a byte that the superblock's checksum
-  // covers, without renewing the checksum.)
-  void* buffer = nullptr;
-  hsize_t size = 0;
-  if (H5Fget_vfd_handle(file_.id(), H5P_DEFAULT, &buffer) < 0 || H5Fget_filesize(file_.id(), &size) < 0) {
-    throw FileError("HDF5: no image of '" + path + "' in memory");
+  if (record_.refilling &&
+      (record_.next_dataset != record_.datasets.size() || record_.next_attribute != record_.attributes.size())) {
+    throw Hdf5StructureDiffers();
   }
-  const std::span<const char> image(*static_cast<const char* const*>(buffer), size);
-
+  const std::span<const char> image = image_of(file_);
   const std::string part = path + ".part";
   Descriptor file(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (file.get() < 0) fail_to_write(path, errno);

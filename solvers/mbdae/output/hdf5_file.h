@@ -6,9 +6,12 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <exception>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mbdae {
@@ -39,10 +42,35 @@ class Hdf5Handle {
   Closer closer_;
 };
 
+/// A file that is filled again does not have the structure of the first time.
+class Hdf5StructureDiffers : public std::exception {};
+
+/// What the file holds, in the order in which it was put there; needed to fill it again.
+struct Hdf5Record {
+  struct Dataset {
+    std::string path;
+    char kind;  ///< 'f' numbers, 'i' integers, 'S' texts
+    std::vector<std::uint64_t> dimensions;
+    std::size_t bytes;
+    std::uint64_t offset;  ///< in the file
+  };
+  struct Attribute {
+    std::string name;
+    std::string value;  ///< its bytes
+  };
+  std::vector<Dataset> datasets;
+  std::vector<Attribute> attributes;
+  bool refilling = false;
+  std::size_t next_dataset = 0, next_attribute = 0;
+  char* image = nullptr;  ///< the file in memory, while refilling
+};
+
 /// A group of the file under construction. Names of datasets are relative to it.
 class Hdf5Group {
  public:
-  explicit Hdf5Group(Hdf5Handle handle) : handle_(std::move(handle)) {}
+  /// `prefix` is the group's path, empty for the root and ending in '/' below it; `handle` is empty while refilling.
+  Hdf5Group(std::optional<Hdf5Handle> handle, Hdf5Record& record, std::string prefix)
+      : handle_(std::move(handle)), record_(&record), prefix_(std::move(prefix)) {}
 
   Hdf5Group group(const std::string& name);
 
@@ -62,10 +90,14 @@ class Hdf5Group {
   void dataset(const std::string& name, const std::vector<std::string>& texts);
 
  private:
-  void write(const std::string& name, std::int64_t file_type, std::int64_t memory_type, const void* data,
+  void write(const std::string& name, char kind, std::int64_t type, std::size_t item_bytes, const void* data,
              std::span<const std::uint64_t> dimensions);
+  void write_attribute(const std::string& name, std::int64_t type, std::int64_t memory_type, const void* data,
+                       std::size_t bytes, std::span<const std::uint64_t> dimensions);
 
-  Hdf5Handle handle_;
+  std::optional<Hdf5Handle> handle_;
+  Hdf5Record* record_;
+  std::string prefix_;
 };
 
 /// The file under construction.
@@ -74,13 +106,22 @@ class Hdf5File {
   /// Starts an empty file in memory, expected to become about `expected_bytes` large.
   explicit Hdf5File(std::size_t expected_bytes);
 
+  Hdf5File(const Hdf5File&) = delete;
+  Hdf5File& operator=(const Hdf5File&) = delete;
+
   Hdf5Group& root() { return root_; }
 
   /// Writes `path`.part and renames it to `path`. Throws FileError; then `path` is as it was before.
   void save(const std::string& path);
 
+  /// After save(): what follows fills the same structure with other values, without HDF5's work of making it. The same
+  /// attributes, groups and datasets must come in the same order; one of another name, type or size throws
+  /// Hdf5StructureDiffers, and the file is of no further use.
+  void refill();
+
  private:
   Hdf5Handle file_;
+  Hdf5Record record_;
   Hdf5Group root_;
 };
 

@@ -3,7 +3,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/output/matrices_file.h"
 
-#include <type_traits>
+#include <memory>
+#include <utility>
 
 namespace mbdae {
 
@@ -37,14 +38,7 @@ void node_dataset(Hdf5Group& group, const std::string& name, const std::vector<N
   group.dataset(name, values, dimensions);
 }
 
-}  // namespace
-
-void write_matrices_file(const std::string& path, const LinearisedModel& model, const Provenance& provenance) {
-  const auto n = static_cast<std::size_t>(model.y.size());
-  // Matrices and vectors exactly; 256 bytes per unknown and 16 kB cover the strings and HDF5's own records.
-  const std::size_t expected = 8 * n * (2 * n + model.inputs.size() + 4) + 256 * n + 16384;
-  Hdf5File file(expected);
-
+void fill(Hdf5File& file, const LinearisedModel& model, const Provenance& provenance) {
   Hdf5Group& root = file.root();
   root.attribute("filetype", "pilotgen matrices");
   root.attribute("version", kVersion);
@@ -96,8 +90,33 @@ void write_matrices_file(const std::string& path, const LinearisedModel& model, 
   muscles.dataset("v", column(model.muscles, &MuscleState::v));
   muscles.dataset("activation", column(model.muscles, &MuscleState::activation));
   muscles.dataset("force", column(model.muscles, &MuscleState::force));
+}
 
-  file.save(path);
+}  // namespace
+
+void write_matrices_file(const std::string& path, const LinearisedModel& model, const Provenance& provenance) {
+  // A serving process writes thousands of files of one structure: the last one is kept and filled again.
+  static std::unique_ptr<Hdf5File> last;
+  if (last) {
+    try {
+      last->refill();
+      fill(*last, model, provenance);
+      last->save(path);
+      return;
+    } catch (const Hdf5StructureDiffers&) {
+      last.reset();
+    } catch (...) {
+      last.reset();
+      throw;
+    }
+  }
+  const auto n = static_cast<std::size_t>(model.y.size());
+  // Matrices and vectors exactly; 256 bytes per unknown and 16 kB cover the strings and HDF5's own records.
+  const std::size_t expected = 8 * n * (2 * n + model.inputs.size() + 4) + 256 * n + 16384;
+  auto file = std::make_unique<Hdf5File>(expected);
+  fill(*file, model, provenance);
+  file->save(path);
+  last = std::move(file);
 }
 
 }  // namespace mbdae
