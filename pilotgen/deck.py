@@ -202,9 +202,8 @@ def _inertia_text(segment: Segment, name: str) -> tuple[list[tuple[str, str, str
     return constants, SimpleNamespace(name=name, mass=f"{name}_MASS", com=com, inertia=inertia)
 
 
-def _muscle_text(
-    muscle: Muscle, side: str, activation: float, length_m: float, activation_check: bool
-) -> SimpleNamespace:
+def _muscle_text(muscle: Muscle, side: str) -> SimpleNamespace:
+    """What a muscle is, whatever it does."""
     S = SUFFIX[side].upper()
 
     def end(body: str, point: np.ndarray) -> str:
@@ -215,14 +214,10 @@ def _muscle_text(
     return SimpleNamespace(
         name=f"{muscle.name.upper()}_{S}",
         full_name=muscle.full_name,
-        x=f"{length_m / muscle.l0_m:.3f}",
         L0=number(muscle.l0_m),
         F0=number(muscle.F0_N),
-        activation=number(activation),
-        length=number(length_m),
         origin=end(muscle.origin_body, muscle.origin_m),
         insertion=end(muscle.insertion_body, muscle.insertion_m),
-        check="yes" if activation_check else "no",
     )
 
 
@@ -434,6 +429,39 @@ def _analysis(c: float, time_step_s: float, *, equilibrium: bool, final_time_s: 
     return analysis
 
 
+class _LastArms:
+    """Arms of the last posture that was rendered: the trim deck and the pilot's deck have the same."""
+
+    def __init__(self) -> None:
+        self._posture: tuple[Body, Cockpit, Posture] | None = None
+        self._arms: list[SimpleNamespace] = []
+
+    def of(self, body: Body, cockpit: Cockpit, posture: Posture) -> list[SimpleNamespace]:
+        """Text of the arms, without what the muscles do."""
+        wanted = (body, cockpit, posture)
+        if self._posture is None or any(a is not b for a, b in zip(wanted, self._posture, strict=True)):
+            self._arms = [self._arm(side, *wanted) for side in body.limbs]
+            self._posture = wanted
+        return self._arms
+
+    @staticmethod
+    def _arm(side: str, body: Body, cockpit: Cockpit, posture: Posture) -> SimpleNamespace:
+        limb = body.limbs[side]
+        arm = _arm_text(limb, cockpit.inceptors[side], cockpit.torso[side], posture.nodes)
+        arm.constants, arm.bodies = [], []
+        for name in SEGMENTS:
+            constants, card = _inertia_text(limb.segments[name], f"{name.upper()}_{arm.S}")
+            arm.constants += constants
+            arm.bodies.append(card)
+        arm.muscles = [_muscle_text(muscle, side) for muscle in limb.muscles]
+        base = 200 if side == "left" else 300
+        arm.labels += [(m.name, base + i) for i, m in enumerate(arm.muscles, start=1)]
+        return arm
+
+
+_LAST_ARMS = _LastArms()
+
+
 def _render_pilot(
     body: Body,
     cockpit: Cockpit,
@@ -451,19 +479,16 @@ def _render_pilot(
     arms = []
     activation = iter(np.asarray(values).tolist())
     length = iter(np.asarray(lengths).tolist())
-    for side, limb in body.limbs.items():
-        arm = _arm_text(limb, cockpit.inceptors[side], cockpit.torso[side], posture.nodes)
-        S = arm.S
-        arm.constants, arm.bodies = [], []
-        for name in SEGMENTS:
-            constants, card = _inertia_text(limb.segments[name], f"{name.upper()}_{S}")
-            arm.constants += constants
-            arm.bodies.append(card)
-        arm.muscles = [_muscle_text(m, side, next(activation), next(length), activation_check) for m in limb.muscles]
-        base = 200 if side == "left" else 300
-        arm.labels += [(m.name, base + i) for i, m in enumerate(arm.muscles, start=1)]
-        arm.activation_comment = activation_comment
-        arms.append(arm)
+    check = "yes" if activation_check else "no"
+    for limb, arm in zip(body.limbs.values(), _LAST_ARMS.of(body, cockpit, posture), strict=True):
+        muscles = []
+        for muscle, text in zip(limb.muscles, arm.muscles, strict=True):
+            a, length_m = next(activation), next(length)
+            x = f"{length_m / muscle.l0_m:.3f}"
+            muscles.append(
+                SimpleNamespace(**text.__dict__, x=x, activation=number(a), length=number(length_m), check=check)
+            )
+        arms.append(SimpleNamespace(**{**arm.__dict__, "muscles": muscles, "activation_comment": activation_comment}))
     return _template("pilot.mbd.j2").render(
         purpose=purpose,
         pilot=[*_pilot_lines(body, cockpit), *_posture_lines(posture)],

@@ -410,18 +410,22 @@ def _read_reply(line: bytes, request_id: int) -> SolverReply:
             residual_norm=float("nan") if norm is None else float(norm),
             seconds=float(data["seconds"]),
             counts={str(key): int(value) for key, value in data["counts"].items()},
-            nodes={str(item["name"]): _read_pose(item) for item in data["nodes"]},
+            nodes=_read_poses(data["nodes"]),
             output=Path(output) if output else None,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _Lost(nonsense=f"a reply with a missing or wrong value ({type(error).__name__}: {error})") from None
 
 
-def _read_pose(item: dict[str, Any]) -> NodePose:
-    position = np.array(item["position"], dtype=np.float64)
-    orientation = np.array(item["orientation"], dtype=np.float64)
-    if position.shape != (3,) or orientation.shape != (3, 3):
-        raise ValueError(f"pose of node {item['name']!r} has the wrong shape")
-    if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
-        raise ValueError(f"pose of node {item['name']!r} is not finite")
-    return NodePose(position, orientation)
+def _read_poses(items: list[dict[str, Any]]) -> dict[str, NodePose]:
+    """Poses by name; all numbers are converted at once, which is what a search waits for."""
+    for item in items:
+        position, orientation = item["position"], item["orientation"]
+        if len(position) != 3 or [len(row) for row in orientation] != [3, 3, 3]:
+            raise ValueError(f"pose of node {item['name']!r} has the wrong shape")
+    positions = np.array([item["position"] for item in items], dtype=np.float64).reshape(-1, 3)
+    orientations = np.array([item["orientation"] for item in items], dtype=np.float64).reshape(-1, 3, 3)
+    finite = np.isfinite(positions).all(axis=1) & np.isfinite(orientations).all(axis=(1, 2))
+    if not finite.all():
+        raise ValueError(f"pose of node {items[int(np.argmin(finite))]['name']!r} is not finite")
+    return {str(item["name"]): NodePose(positions[k], orientations[k]) for k, item in enumerate(items)}
