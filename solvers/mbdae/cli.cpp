@@ -64,7 +64,8 @@ void declare(CLI::App& app, Arguments& arguments) {
   app.set_version_flag("--version", program_version());
   app.footer(kFooter);
   app.add_option("DECK", arguments.deck, "the deck to read");
-  app.add_option("-o,--output", arguments.prefix, "prefix of the files to write (default: DECK without its extension)")
+  app.add_option("-o,--output", arguments.prefix,
+                 "prefix of the files to write, or a directory (default: DECK without its extension)")
       ->type_name("PREFIX");
   app.add_flag("--check", arguments.check, "only read the deck and say what is in it");
   app.add_flag("--layout", options.layout, "with --check: list the unknowns")->needs("--check");
@@ -184,12 +185,20 @@ std::function<void(double)> progress_line() {
   };
 }
 
+/// The given prefix; in a directory, and without one, the deck's name without its extension.
+std::string output_prefix(const Arguments& arguments) {
+  const std::filesystem::path deck(arguments.deck), given(arguments.prefix);
+  if (given.empty()) return std::filesystem::path(deck).replace_extension().string();
+  std::error_code ignored;  // what cannot be looked at is no directory
+  if (!given.has_filename() || std::filesystem::is_directory(given, ignored)) return (given / deck.stem()).string();
+  return arguments.prefix;
+}
+
 int run_deck(const Arguments& arguments) {
   Job job;
   job.task = arguments.check ? Task::check : arguments.integrate ? Task::integrate : Task::automatic;
   job.deck = arguments.deck;
-  job.output =
-      arguments.prefix.empty() ? std::filesystem::path(arguments.deck).replace_extension().string() : arguments.prefix;
+  job.output = output_prefix(arguments);
   job.output_is_prefix = true;
   job.options = arguments.options;
   const bool live = !arguments.quiet && !arguments.json && ::isatty(STDERR_FILENO) != 0;

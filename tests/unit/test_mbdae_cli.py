@@ -117,6 +117,15 @@ def test_a_deck_with_eigenanalysis_is_integrated_on_request(mbdae: Path, deck: P
         assert file["time"][-1] == pytest.approx(0.02)
 
 
+def test_a_directory_as_prefix_takes_the_name_of_the_deck(mbdae: Path, deck: Path) -> None:
+    (deck.parent / "results").mkdir()
+    for prefix in ("results", "results/"):
+        done = run(mbdae, deck, "-o", prefix, cwd=deck.parent)
+        assert done.returncode == 0, done.stderr
+        assert [path.name for path in (deck.parent / "results").iterdir()] == ["pendulum.h5"]
+        (deck.parent / "results" / "pendulum.h5").unlink()
+
+
 def test_coefficient_and_state_are_taken_over(mbdae: Path, deck: Path) -> None:
     assert run(mbdae, deck, "-c", "0.5", "-o", "a", cwd=deck.parent).returncode == 0
     with h5py.File(deck.parent / "a.h5", "r+") as file:
