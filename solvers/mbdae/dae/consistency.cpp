@@ -101,7 +101,8 @@ Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
       if (!entry.constraint->velocity_level(k)) continue;
       const int row = entry.constraint->first() + k;
       for (int i = 0; i < nodes; ++i) {
-        K.block<1, 6>(moving + row - first, 6 * i) =
+        const int column = 6 * i;
+        K.block<1, 6>(moving + row - first, column) =
             eq.g_ydot.block<1, 6>(row, model.slots()[static_cast<std::size_t>(i)].first);
       }
     }

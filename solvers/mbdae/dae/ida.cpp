@@ -77,6 +77,7 @@ class IdaIntegrator {
   IdaIntegrator(Model& model, const State& state) : model_(model), state_(state) {
     nodes_ = static_cast<int>(model.slots().size());
     reactions_ = model.reaction_count();
+    motions_ = 6 * nodes_;
     velocity_ = 7 * nodes_;
     lambda_ = 13 * nodes_;
     mu_ = lambda_ + reactions_;
@@ -103,19 +104,19 @@ class IdaIntegrator {
     for (int i = 0; i < nodes_; ++i) {
       const NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
       const Eigen::Vector4d q = quaternion_of(node.R);
-      y.segment<3>(7 * i) = node.x;
-      y.segment<4>(7 * i + 3) = q;
-      y.segment<3>(velocity_ + 6 * i) = node.v;
-      y.segment<3>(velocity_ + 6 * i + 3) = node.w;
-      ydot.segment<3>(7 * i) = node.v;
-      ydot.segment<4>(7 * i + 3) = 0.5 * quaternion_rates(q) * node.w;
-      ydot.segment<6>(velocity_ + 6 * i) = accelerations.segment<6>(6 * i);
-      if (!model_.slots()[static_cast<std::size_t>(i)].dynamic) id.segment<6>(velocity_ + 6 * i).setZero();
+      y.segment<3>(pose(i)) = node.x;
+      y.segment<4>(pose(i) + 3) = q;
+      y.segment<3>(velocity(i)) = node.v;
+      y.segment<3>(velocity(i) + 3) = node.w;
+      ydot.segment<3>(pose(i)) = node.v;
+      ydot.segment<4>(pose(i) + 3) = 0.5 * quaternion_rates(q) * node.w;
+      ydot.segment<6>(velocity(i)) = accelerations.segment<6>(motion(i));
+      if (!model_.slots()[static_cast<std::size_t>(i)].dynamic) id.segment<6>(velocity(i)).setZero();
     }
     y.segment(lambda_, reactions_) = state_.y.tail(reactions_);
     for (const int k : redundant_) y(lambda_ + k) = 0.0;
-    id.tail(2 * reactions_).setZero();
-    tolerance.tail(2 * reactions_).setConstant(kMultiplierTolerance);
+    id.segment(lambda_, size_ - lambda_).setZero();
+    tolerance.segment(lambda_, size_ - lambda_).setConstant(kMultiplierTolerance);
   }
 
   // IDA's unknowns into node motions and reactions.
@@ -123,10 +124,10 @@ class IdaIntegrator {
     state_.t = t;
     for (int i = 0; i < nodes_; ++i) {
       NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
-      node.x = y.segment<3>(7 * i);
-      node.R = rotation_of_quaternion(y.segment<4>(7 * i + 3));
-      node.v = y.segment<3>(velocity_ + 6 * i);
-      node.w = y.segment<3>(velocity_ + 6 * i + 3);
+      node.x = y.segment<3>(pose(i));
+      node.R = rotation_of_quaternion(y.segment<4>(pose(i) + 3));
+      node.v = y.segment<3>(velocity(i));
+      node.w = y.segment<3>(velocity(i) + 3);
     }
     state_.y.tail(reactions_) = y.segment(lambda_, reactions_);
     return state_;
@@ -138,7 +139,7 @@ class IdaIntegrator {
     state_of(t, y);
     if (reactions_ == 0) return state_;
     const int first = model_.reaction_start();
-    Eigen::MatrixXd Phi(reactions_, 6 * nodes_), B(6 * nodes_, reactions_);
+    Eigen::MatrixXd Phi(reactions_, motions_), B(motions_, reactions_);
     for (int pass = 0; pass < 2; ++pass) {
       eq_.clear(model_.size(), true);
       model_.add_constraints(state_, eq_, true);
@@ -151,8 +152,8 @@ class IdaIntegrator {
       const Eigen::VectorXd step = inverse.solve(error);
       for (int i = 0; i < nodes_; ++i) {
         NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
-        node.x -= step.segment<3>(6 * i);
-        node.R = rotation_exp(-step.segment<3>(6 * i + 3)) * node.R;
+        node.x -= step.segment<3>(motion(i));
+        node.R = rotation_exp(-step.segment<3>(motion(i) + 3)) * node.R;
       }
       model_.rates(state_, rates_, false);
       Eigen::VectorXd speed = rates_.rate.tail(reactions_);
@@ -162,8 +163,8 @@ class IdaIntegrator {
       const Eigen::VectorXd change = inverse.solve(speed);
       for (int i = 0; i < nodes_; ++i) {
         NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
-        node.v -= change.segment<3>(6 * i);
-        node.w -= change.segment<3>(6 * i + 3);
+        node.v -= change.segment<3>(motion(i));
+        node.w -= change.segment<3>(motion(i) + 3);
       }
     }
     if (!redundant_.empty()) {
@@ -195,25 +196,30 @@ class IdaIntegrator {
     Eigen::VectorXd r(size_);
     evaluate(t, y, ydot, r);
     int worst = 0;
-    r.segment(velocity_, 6 * nodes_ + reactions_).cwiseAbs().maxCoeff(&worst);
-    const int row = worst < 6 * nodes_ ? model_.slots()[static_cast<std::size_t>(worst / 6)].force + worst % 6
-                                       : model_.reaction_start() + worst - 6 * nodes_;
+    r.segment(velocity_, motions_ + reactions_).cwiseAbs().maxCoeff(&worst);
+    const int row = worst < motions_ ? model_.slots()[static_cast<std::size_t>(worst / 6)].force + worst % 6
+                                     : model_.reaction_start() + worst - motions_;
     std::ostringstream out;
     out << model_.equation_title(row) << " is off by " << r(velocity_ + worst) << " " << model_.equation_unit(row);
     return out.str();
   }
 
  private:
+  // Where node i's position, velocity and variation (dx, dphi) start.
+  static int pose(int i) { return 7 * i; }
+  int velocity(int i) const { return velocity_ + 6 * i; }
+  static int motion(int i) { return 6 * i; }
+
   // Constraint matrix (velocity level rows included) and reaction columns from the assembled equations.
   void gather(Eigen::MatrixXd& Phi, Eigen::MatrixXd& B) const {
     const int first = model_.reaction_start();
     for (int i = 0; i < nodes_; ++i) {
       const NodeSlot& slot = model_.slots()[static_cast<std::size_t>(i)];
-      Phi.middleCols<6>(6 * i) = eq_.g_y.block(first, slot.first, reactions_, 6);
-      B.middleRows<6>(6 * i) = eq_.g_y.block(slot.force, first, 6, reactions_);
+      Phi.middleCols<6>(motion(i)) = eq_.g_y.block(first, slot.first, reactions_, 6);
+      B.middleRows<6>(motion(i)) = eq_.g_y.block(slot.force, first, 6, reactions_);
       for (int k = 0; k < reactions_; ++k) {
         if (velocity_level_[static_cast<std::size_t>(k)]) {
-          Phi.block<1, 6>(k, 6 * i) = eq_.g_ydot.block<1, 6>(first + k, slot.first);
+          Phi.block<1, 6>(k, motion(i)) = eq_.g_ydot.block<1, 6>(first + k, slot.first);
         }
       }
     }
@@ -224,7 +230,7 @@ class IdaIntegrator {
     if (reactions_ == 0) return;
     eq_.clear(model_.size(), true);
     model_.add_constraints(state_, eq_, true);
-    Eigen::MatrixXd Phi(reactions_, 6 * nodes_), B(6 * nodes_, reactions_);
+    Eigen::MatrixXd Phi(reactions_, motions_), B(motions_, reactions_);
     gather(Phi, B);
     Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(Phi.transpose());
     qr.setThreshold(kRedundant);
@@ -246,15 +252,15 @@ class IdaIntegrator {
       const NodeSlot& slot = model_.slots()[static_cast<std::size_t>(i)];
       const NodeMotion& node = state.nodes[static_cast<std::size_t>(i)];
       const Vec6 correction = eq_.g_y.block(first, slot.first, reactions_, 6).transpose() * mu;
-      r.segment<3>(7 * i) = ydot.segment<3>(7 * i) - node.v - correction.head<3>();
-      const Eigen::Vector4d q = y.segment<4>(7 * i + 3);
-      r.segment<4>(7 * i + 3) =
-          ydot.segment<4>(7 * i + 3) - 0.5 * quaternion_rates(q) * (node.w + correction.tail<3>());
-      r.segment<6>(velocity_ + 6 * i) = eq_.g.segment<6>(slot.force);
+      r.segment<3>(pose(i)) = ydot.segment<3>(pose(i)) - node.v - correction.head<3>();
+      const Eigen::Vector4d q = y.segment<4>(pose(i) + 3);
+      r.segment<4>(pose(i) + 3) =
+          ydot.segment<4>(pose(i) + 3) - 0.5 * quaternion_rates(q) * (node.w + correction.tail<3>());
+      r.segment<6>(velocity(i)) = eq_.g.segment<6>(slot.force);
       if (slot.dynamic) {
         const NodeInertia& inertia = model_.inertias()[static_cast<std::size_t>(i)];
-        r.segment<6>(velocity_ + 6 * i) +=
-            inertia.mass_matrix(node) * ydot.segment<6>(velocity_ + 6 * i) + inertia.velocity_terms(node);
+        r.segment<6>(velocity(i)) +=
+            inertia.mass_matrix(node) * ydot.segment<6>(velocity(i)) + inertia.velocity_terms(node);
       }
     }
     r.segment(lambda_, reactions_) = eq_.g.tail(reactions_);
@@ -279,7 +285,7 @@ class IdaIntegrator {
     for (int i = 0; i < nodes_; ++i) {
       const NodeSlot& slot = model_.slots()[static_cast<std::size_t>(i)];
       const NodeMotion& node = state.nodes[static_cast<std::size_t>(i)];
-      const int x = 7 * i, v = velocity_ + 6 * i;
+      const int x = pose(i), v = velocity(i);
       const Eigen::Vector4d q = y.segment<4>(x + 3);
       const Mat43 Q = quaternion_rates(q);
       const Mat34 T = rotation_variation(q);
@@ -298,10 +304,10 @@ class IdaIntegrator {
       // equilibrium by motions of every node
       for (int j = 0; j < nodes_; ++j) {
         const NodeSlot& other = model_.slots()[static_cast<std::size_t>(j)];
-        const Mat34 Tj = rotation_variation(y.segment<4>(7 * j + 3));
-        J.block<6, 3>(v, 7 * j) += eq_.g_y.block<6, 3>(slot.force, other.first);
-        J.block<6, 4>(v, 7 * j + 3) += eq_.g_y.block<6, 3>(slot.force, other.first + 3) * Tj;
-        J.block<6, 6>(v, velocity_ + 6 * j) += eq_.g_ydot.block<6, 6>(slot.force, other.first);
+        const Mat34 Tj = rotation_variation(y.segment<4>(pose(j) + 3));
+        J.block<6, 3>(v, pose(j)) += eq_.g_y.block<6, 3>(slot.force, other.first);
+        J.block<6, 4>(v, pose(j) + 3) += eq_.g_y.block<6, 3>(slot.force, other.first + 3) * Tj;
+        J.block<6, 6>(v, velocity(j)) += eq_.g_ydot.block<6, 6>(slot.force, other.first);
       }
       J.block(v, lambda_, 6, reactions_) += eq_.g_y.block(slot.force, first, 6, reactions_);
       if (slot.dynamic) {
@@ -340,7 +346,7 @@ class IdaIntegrator {
   ConstraintRates rates_;
   std::vector<bool> velocity_level_;
   std::vector<int> redundant_;  // constraints, counted from the first reaction
-  int nodes_ = 0, reactions_ = 0, velocity_ = 0, lambda_ = 0, mu_ = 0, size_ = 0;
+  int nodes_ = 0, reactions_ = 0, motions_ = 0, velocity_ = 0, lambda_ = 0, mu_ = 0, size_ = 0;
 };
 
 Eigen::Map<Eigen::VectorXd> view(const VectorPtr& vector, int size) { return {N_VGetArrayPointer(vector.get()), size}; }

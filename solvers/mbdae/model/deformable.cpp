@@ -87,8 +87,9 @@ void DeformableJoint::assemble(const State& state, Equations& eq, bool tangent) 
     }
     for (int j = 0; j < 2; ++j) {
       if (nodes[j]->first < 0) continue;
-      eq.g_y.block<6, 6>(nodes[i]->force, nodes[j]->first) += s * rows_q.middleCols<6>(6 * j);
-      eq.g_ydot.block<6, 6>(nodes[i]->force, nodes[j]->first) += s * rows_qdot.middleCols<6>(6 * j);
+      const int column = 6 * j;
+      eq.g_y.block<6, 6>(nodes[i]->force, nodes[j]->first) += s * rows_q.middleCols<6>(column);
+      eq.g_ydot.block<6, 6>(nodes[i]->force, nodes[j]->first) += s * rows_qdot.middleCols<6>(column);
     }
   }
 }
