@@ -10,6 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 import math
@@ -378,6 +379,20 @@ class Task:
     fingerprint: str | None = None
 
 
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # mallopt(3)
+
+
+def keep_freed_memory() -> None:
+    """Have the C library keep freed memory for the next pilot, who needs as much, instead of giving it back each time.
+
+    Saves some 350 page faults, a millisecond, per pilot. Does nothing with a C library other than glibc.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, 32 << 20)
+        mallopt(_M_TRIM_THRESHOLD, 256 << 20)
+
+
 _BENCHES: dict[tuple[Any, ...], Workbench] = {}
 
 
@@ -395,6 +410,7 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
         for old in _BENCHES.values():
             old.close()
         _BENCHES.clear()
+        keep_freed_memory()
         study: Study = pickle.loads(task.study)
         if task.fingerprint is not None and fingerprint(study, task.mbdae, task.solver) != task.fingerprint:
             raise FileError(

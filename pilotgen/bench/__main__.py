@@ -72,9 +72,10 @@ def _parts(args: argparse.Namespace) -> list[tuple[str, Callable[[], Sheet]]]:
 
 def _stages(args: argparse.Namespace) -> Sheet:
     from pilotgen.bench import floors, runs, stages
-    from pilotgen.pipeline import Workbench
+    from pilotgen.pipeline import Workbench, keep_freed_memory
     from pilotgen.study import read_study
 
+    keep_freed_memory()  # as workers do
     count, repeat = (20, 2) if args.quick else (args.pilots, args.runs)
     sheet: Sheet = {}
     with tempfile.TemporaryDirectory(prefix="pilotgen-bench-") as text:
