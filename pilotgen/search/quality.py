@@ -65,7 +65,13 @@ def compare_with_nsga2(
             mine, algorithm="nsga2", generations=len(result.members), stop_rank_one_fraction=None
         )
         other = run_search(problem, theirs, lambda X, _: evaluate(X))
-        point = np.nanmax(result.F[result.generation == 0], axis=0) if reference is None else np.asarray(reference)
+        if reference is None:
+            point = np.nanmax(result.F[result.generation == 0], axis=0)
+            # An objective that no pilot moves (a phase margin that none has) must not make every volume zero.
+            everything = np.concatenate((result.F, other.F))
+            point = point + (np.nanmin(everything, axis=0) == np.nanmax(everything, axis=0))
+        else:
+            point = np.asarray(reference)
         comparisons.append(
             Comparison(seed, len(result.F), final_hypervolume(result, point), final_hypervolume(other, point))
         )

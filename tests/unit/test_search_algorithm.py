@@ -212,3 +212,26 @@ def test_one_and_three_objectives(objectives: tuple[str, ...]) -> None:
     problem = result.problem
     as_many = function(sobol(400, problem.xl, problem.xu, np.random.default_rng(1)))
     assert result.F.sum(axis=1).min() < as_many.sum(axis=1).min(), "better than as many points without a search"
+
+
+def test_an_objective_that_nothing_moves_leaves_the_hypervolume_of_the_other() -> None:
+    from pilotgen.search.quality import compare_with_nsga2
+    from pilotgen.study import SearchSettings
+
+    settings = SearchSettings(
+        variables={"bmi": (18.0, 30.0), "stature_m": (1.55, 2.0)},
+        objectives=("gain_margin_db", "phase_margin_deg"),
+        population=12,
+        generations=6,
+        mutation_probability=0.1,
+        seed=1,
+        algorithm="goldberg",
+        stop_rank_one_fraction=None,
+    )
+
+    def one_objective(X: np.ndarray) -> np.ndarray:
+        return np.column_stack([(X[:, 0] - 25.0) ** 2 + 100.0 * (X[:, 1] - 1.9) ** 2, np.full(len(X), 180.0)])
+
+    (found,) = compare_with_nsga2(settings, one_objective, [1])
+    assert found.hypervolume > 0.0 and found.hypervolume_nsga2 > 0.0
+    assert 0.8 < found.ratio < 1.25
