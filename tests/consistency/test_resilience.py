@@ -166,7 +166,8 @@ def test_interrupted_search_leaves_a_resumable_state(how: str, study: Path, undi
     assert_same(directory, undisturbed)
 
 
-def test_second_run_on_the_same_directory_is_refused(study: Path, tmp_path: Path) -> None:
+def test_second_run_on_the_same_directory_is_refused(tmp_path: Path) -> None:
+    study = small_study(tmp_path, "puma-bmi.yaml", 100, 30)  # goes on for longer than the second run needs
     directory = tmp_path / "out"
     first = start(*search(study, directory))
     wait_until(lambda: recorded(directory) >= 1, "the first evaluation")
