@@ -148,7 +148,7 @@ MultistepCoefficients multistep_coefficients(double rho) {
   return {1.0 - beta, beta, 0.5 + delta, 0.5 + 0.5 * beta - 2.0 * delta, 0.5 * beta + delta};
 }
 
-Motion integrate_multistep(Model& model, State state, const InitialValueData& settings,
+Motion integrate_multistep(Model& model, const State& state, const InitialValueData& settings,
                            const IntegrateOptions& options) {
   const bool two_step = settings.method == MethodKind::ms;
   const MultistepCoefficients regular = two_step ? multistep_coefficients(settings.rho)

@@ -17,7 +17,7 @@ struct MultistepCoefficients {
 MultistepCoefficients multistep_coefficients(double rho);
 
 /// Time history by the deck's method from a consistent state (accelerations in `state.ydot`).
-Motion integrate_multistep(Model& model, State state, const InitialValueData& settings,
+Motion integrate_multistep(Model& model, const State& state, const InitialValueData& settings,
                            const IntegrateOptions& options);
 
 }  // namespace mbdae

@@ -45,13 +45,15 @@ std::string Model::unknown_name(int k) const {
 std::string Model::unknown_kind(int k) const {
   static constexpr std::array<const char*, 4> kKinds{"position", "rotation", "momentum", "momenta_moment"};
   const Place p = place(k);
-  return p.node >= 0 ? kKinds[static_cast<std::size_t>(p.component / 3)] : "reaction";
+  const int group = p.component / 3;
+  return p.node >= 0 ? kKinds[static_cast<std::size_t>(group)] : "reaction";
 }
 
 std::string Model::unknown_unit(int k) const {
   static constexpr std::array<const char*, 4> kUnits{"m", "rad", "kg m/s", "kg m^2/s"};
   const Place p = place(k);
-  if (p.node >= 0) return kUnits[static_cast<std::size_t>(p.component / 3)];
+  const int group = p.component / 3;
+  if (p.node >= 0) return kUnits[static_cast<std::size_t>(group)];
   return constraints_[static_cast<std::size_t>(p.constraint)].constraint->is_couple(p.component) ? "N m" : "N";
 }
 
@@ -68,7 +70,8 @@ std::string Model::equation_title(int k) const {
   std::ostringstream out;
   if (p.node >= 0) {
     const NodeSlot& slot = slots_[static_cast<std::size_t>(p.node)];
-    out << kEquations[static_cast<std::size_t>(p.component / 3 + (slot.dynamic ? 0 : 2))] << " of node "
+    const int group = p.component / 3 + (slot.dynamic ? 0 : 2);
+    out << kEquations[static_cast<std::size_t>(group)] << " of node "
         << deck_.nodes[static_cast<std::size_t>(p.node)].id.name << " along "
         << "xyz"[p.component % 3];
     return out.str();
@@ -84,7 +87,8 @@ std::string Model::equation_unit(int k) const {
   const Place p = place(k);
   if (p.node >= 0) {
     const NodeSlot& slot = slots_[static_cast<std::size_t>(p.node)];
-    return kUnits[static_cast<std::size_t>(p.component / 3 + (slot.dynamic ? 0 : 2))];
+    const int group = p.component / 3 + (slot.dynamic ? 0 : 2);
+    return kUnits[static_cast<std::size_t>(group)];
   }
   const Constraint& constraint = *constraints_[static_cast<std::size_t>(p.constraint)].constraint;
   const std::string unit = constraint.is_couple(p.component) ? "rad" : "m";
