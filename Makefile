@@ -66,7 +66,8 @@ build/release.stamp: build/system-test.stamp $(VENV)/installed.stamp
 
 build/sanitize.stamp: build/system-test.stamp $(SOLVER_SOURCES)
 	@echo "Building the solver's tests with sanitizers"
-	@cmake -S solvers -B build/sanitize -G Ninja -DMBDAE_SANITIZE=ON -DMBDAE_BUILD_FUZZERS=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo \
+	@cmake -S solvers -B build/sanitize -G Ninja -DMBDAE_SANITIZE=ON -DMBDAE_BUILD_FUZZERS=ON \
+	    -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=RelWithDebInfo \
 	    -DCMAKE_CXX_FLAGS_RELWITHDEBINFO='-O1 -g1' >build/cmake.log || { cat build/cmake.log; exit 1; }
 	@cmake --build build/sanitize >build/ninja.log || { cat build/ninja.log; exit 1; }
 	@touch $@

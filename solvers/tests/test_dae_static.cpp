@@ -12,7 +12,6 @@ using namespace mbdae::test;
 namespace {
 
 constexpr double kGravity = 9.81;  // m/s^2
-constexpr double kPi = 3.14159265358979323846;
 
 TotalPinData pin_of(NodeIndex node, const Vec3& x) {
   TotalPinData pin;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/consistency.h"
 
-#include <Eigen/QR>
-
 #include <cmath>
 #include <sstream>
 #include <stdexcept>

@@ -4,9 +4,6 @@
 #include <nvector/nvector_serial.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
-#include <Eigen/LU>
-#include <Eigen/QR>
-
 #include <new>
 #include <optional>
 

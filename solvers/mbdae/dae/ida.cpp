@@ -9,8 +9,6 @@
 #include <nvector/nvector_serial.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
-#include <Eigen/QR>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -18,6 +16,7 @@
 #include <sstream>
 
 #include "mbdae/dae/dense_linear_solver.h"
+#include "mbdae/dae/linear_algebra.h"
 #include "mbdae/dae/recorder.h"
 
 namespace mbdae {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/linear_algebra.h"
 
-#include <Eigen/QR>
+template class Eigen::PartialPivLU<Eigen::MatrixXd>;
+template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
+template class Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>;
 
 namespace mbdae {
 

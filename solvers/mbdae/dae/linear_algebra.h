@@ -5,6 +5,12 @@
 
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include <Eigen/QR>
+
+// Compiled once, in linear_algebra.cpp: these are what the compiler is longest at.
+extern template class Eigen::PartialPivLU<Eigen::MatrixXd>;
+extern template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
+extern template class Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>;
 
 namespace mbdae {
 

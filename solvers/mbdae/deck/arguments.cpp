@@ -120,8 +120,7 @@ void Input::end_card() {
 
 void Input::skip_card() {
   // A card starts with words and a colon (or is words and `;`); nothing inside a card looks like that.
-  std::string text;
-  const auto card_here = [this, &text](bool after_semicolon) {
+  const auto card_here = [this](bool after_semicolon) {
     if (tokens().peek().kind == TokenKind::end) return true;
     if (tokens().peek().kind != TokenKind::word) return false;
     Lexer lexer = tokens().ahead();
