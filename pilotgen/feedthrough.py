@@ -28,7 +28,7 @@ PROJECTIONS = ("exact", "literal")
 # are below 1e-12; a spring to the ground of 1e-6 of the stiffest muscle is far above.
 TRANSLATION_LIMIT = 1e-9
 CERTIFICATE_BAND_HZ = (0.1, 20.0)
-_CERTIFICATE_POINTS = 12  # 24 with the conjugates: different strictly proper models of up to 12 poles must differ
+_FEWEST_CERTIFICATE_POINTS = 4
 
 
 def make_pilot_model(
@@ -138,8 +138,9 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
     model : PilotModel
         A model made from matrices (it carries them).
     frequencies_hz : array_like, optional
-        Where to compare [Hz]; by default 12 points from 0.1 to 20 Hz and the pilot's own frequencies in between.
-
+        Where to compare [Hz]; by default as many points from 0.1 to 20 Hz as the pilot has poles, its own frequencies
+        among them. With their conjugates these are enough that no other strictly proper model of so many poles agrees
+        at all of them.
     output : int
         Which of the model's outputs; by default the collective rotation.
 
@@ -153,11 +154,13 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
     if frequencies_hz is None:
         low, high = CERTIFICATE_BAND_HZ
         own = np.abs(model.poles[model.poles.imag > 0.0]) / (2.0 * np.pi)
-        grid = np.concatenate([np.geomspace(low, high, _CERTIFICATE_POINTS), own[(own > low) & (own < high)]])
+        own = own[(own > low) & (own < high)]
+        others = max(len(model.poles) - len(own), _FEWEST_CERTIFICATE_POINTS)
+        grid = np.concatenate([np.geomspace(low, high, others), own])
     else:
         grid = np.asarray(frequencies_hz, dtype=float).reshape(-1)
     omega = 2.0 * np.pi * grid
-    full = full_order_response(model.plant, omega)[:, output]
+    full = full_order_response(model.plant, omega, output)
     difference = np.abs(model.response(omega, output, washout=False) - full)
     return float(np.max(difference / np.abs(full))) if np.any(full) else float(np.max(difference))
 

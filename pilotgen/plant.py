@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from pilotgen.descriptor import Complexes, DescriptorModel, Floats
+from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices
 from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.modal import SecondOrderForm, independent_constraints, second_order_form
 
@@ -161,33 +161,58 @@ def translation_error(plant: Plant, direction: str) -> float:
     return worst
 
 
-def full_order_response(plant: Plant, omega: ArrayLike) -> Complexes:
-    """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2, shape (len(omega), p) [rad per m/s^2].
+def full_order_response(plant: Plant, omega: ArrayLike, output: int = 0) -> Complexes:
+    """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2 of one output [rad per m/s^2].
 
-    One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly. Nothing of the
-    modal route is used. `omega` in rad/s, shape (m,).
+    One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly, and those that
+    nothing connects to the output (the other arm, while the seat's motion is imposed). Nothing of the modal route is
+    used. `omega` in rad/s, shape (m,); `output` counts as in `plant.outputs`.
     """
     form, free = plant.form, plant.free
     s = 1j * np.asarray(omega, dtype=float).reshape(-1)
-    n_q, Phi_0, Phi_1, B = len(form.M), form.Phi_0, form.Phi_1, form.B
+    M, C, K, B, Phi_0, Phi_1 = form.M, form.C, form.K, form.B, form.Phi_0, form.Phi_1
+    weights = plant.output_matrix[output, free.coordinates]
+    m_I, c_I, k_I = plant.M_imposed, plant.C_imposed, plant.K_imposed
     phi_0, phi_1 = plant.g_y_imposed[free.constraint_rows], plant.g_ydot_imposed[free.constraint_rows]
+    if len(plant.outputs) > 1:
+        q, r = _connected(form, weights != 0.0)
+        qq, qr, rq = np.ix_(q, q), np.ix_(q, r), np.ix_(r, q)
+        M, C, K, B, Phi_0, Phi_1 = M[qq], C[qq], K[qq], B[qr], Phi_0[rq], Phi_1[rq]
+        weights, m_I, c_I, k_I, phi_0, phi_1 = weights[q], m_I[q], c_I[q], k_I[q], phi_0[r], phi_1[r]
     rows = independent_constraints(Phi_0 + Phi_1)
     if len(rows) < len(Phi_0):  # redundant constraints: an independent set of them says the same
         Phi_0, Phi_1, phi_0, phi_1 = Phi_0[rows], Phi_1[rows], phi_0[rows], phi_1[rows]
         B = B[:, independent_constraints(B.T)]
+    n_q = len(M)
     n = n_q + len(Phi_0)
     pencil = np.zeros((len(s), n, n), dtype=np.complex128)
     right = np.zeros((len(s), n, 1), dtype=np.complex128)
     s2 = (s * s)[:, None, None]
     s1 = s[:, None, None]
-    pencil[:, :n_q, :n_q] = s2 * form.M + s1 * form.C + form.K
+    pencil[:, :n_q, :n_q] = s2 * M + s1 * C + K
     pencil[:, :n_q, n_q:] = B
     pencil[:, n_q:, :n_q] = s1 * Phi_1 + Phi_0
-    right[:, :n_q, 0] = -(s2[:, 0] * plant.M_imposed + s1[:, 0] * plant.C_imposed + plant.K_imposed)
+    right[:, :n_q, 0] = -(s2[:, 0] * m_I + s1[:, 0] * c_I + k_I)
     right[:, n_q:, 0] = -(s1[:, 0] * phi_1 + phi_0)
     try:
         solution = np.linalg.solve(pencil, right)
     except np.linalg.LinAlgError as error:
         raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
-    outputs = plant.output_matrix[:, free.coordinates]
-    return (solution[:, :n_q, 0] @ outputs.T) / (s * s)[:, None]
+    response: Complexes = (solution[:, :n_q, 0] @ weights) / (s * s)
+    return response
+
+
+def _connected(form: SecondOrderForm, start: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+    """Coordinates and reactions that a chain of non-zero entries connects to the coordinates `start`."""
+    n = len(form.M)
+    linked = np.zeros((n + len(form.Phi_0), n + len(form.Phi_0)), dtype=bool)
+    linked[:n, :n] = (form.M != 0.0) | (form.C != 0.0) | (form.K != 0.0)
+    linked[:n, n:] = (form.B != 0.0) | ((form.Phi_0 != 0.0) | (form.Phi_1 != 0.0)).T
+    linked |= linked.T
+    reached = np.zeros(len(linked), dtype=bool)
+    reached[:n] = start
+    newly = reached
+    while newly.any():
+        newly = linked[newly].any(axis=0) & ~reached
+        reached = reached | newly
+    return np.flatnonzero(reached[:n]), np.flatnonzero(reached[n:])

@@ -50,7 +50,7 @@ def projection() -> None:
     points = np.geomspace(LOW_HZ, HIGH_HZ, 19)
     plant = found["exact"].pilot_model.plant
     assert plant is not None
-    full = 1e3 * study.inceptor.lever_length_m * full_order_response(plant, 2.0 * np.pi * points)[:, 0]
+    full = 1e3 * study.inceptor.lever_length_m * full_order_response(plant, 2.0 * np.pi * points)
     figure = style.new_figure(5.4)
     (magnitude, loop), (phase, angle) = figure.subplots(2, 2, sharex=True, height_ratios=(1.25, 1.0))
     for name, (label, color, line) in looks.items():
