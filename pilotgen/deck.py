@@ -95,7 +95,10 @@ def number(value: float) -> str:
 
 def vector(values: np.ndarray) -> str:
     """Three numbers."""
-    return ", ".join(map(number, values.tolist()))
+    text = repr((values + 0.0).tolist())[1:-1]  # as `number`, all at once
+    if "n" in text:  # nan, inf
+        raise ValueError(f"{text} have no place in a deck")
+    return text
 
 
 def _direction(v: np.ndarray) -> str:

@@ -1,9 +1,10 @@
 """Workers: evaluate many pilots at once, and outlive any of them.
 
-Work is handed to a `concurrent.futures.Executor` of processes on this machine (`dask_workers` does the same on a
-cluster). A task that takes its worker down is tried again alone; one that does so repeatedly comes back as a
-`WorkerLost`, so that the study goes on. Results arrive as they finish; what they are does not depend on how many
-workers there are. Workers do not outlive the process that started them, however it ends.
+Work is handed to processes on this machine (`dask_workers` does the same on a cluster), each with a pipe of its own.
+There are no threads, and no lock that a killed process could take with it: whatever dies, the rest goes on. A task that
+takes its worker down is tried again; one that does so repeatedly comes back as a `WorkerLost`. Results arrive as they
+finish; what they are does not depend on how many workers there are. Workers do not outlive the process that started
+them, however it ends.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -14,12 +15,14 @@ import ctypes
 import multiprocessing
 import multiprocessing.util
 import os
+import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 # Set in every worker before numpy is imported there: pilots are small, parallelism is over pilots.
@@ -28,6 +31,12 @@ SINGLE_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_T
 # A worker can die of an outside cause (out of memory, kill); three deaths on one pilot are no accident.
 MAX_ATTEMPTS = 3
 
+# A worker has one task at work and one waiting in its pipe. The waiting one must fit into the pipe, or both sides could
+# wait for each other to read.
+_IN_FLIGHT = 2
+_FITS_A_PIPE_BYTES = 16384
+
+_PATIENCE_S = 5.0  # of those who end workers, before they kill
 _PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
@@ -46,15 +55,51 @@ def stop_on_sigterm() -> None:
     signal.signal(signal.SIGTERM, interrupt)
 
 
-def _settle(parent: int, initializer: Callable[[], None] | None) -> None:
-    """Begin of a worker's life: it leaves Ctrl-C to its parent, and goes when told to or when the parent is gone."""
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Signals that interrupt come after the block, not in it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _work(pipe: Connection, not_ours: list[Connection], parent: int, initializer: Callable[[], None] | None) -> None:
+    """A worker's life: it leaves Ctrl-C to its parent, and goes when told to or when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # solvers started here inherit this
     signal.signal(signal.SIGTERM, _leave)
+    signal.pthread_sigmask(signal.SIG_SETMASK, set())
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # it died before the line above
         _leave()
+    for other in not_ours:  # inherited; a pipe ends when its last holder is gone
+        other.close()
     if initializer is not None:
         initializer()
+    while True:
+        try:
+            message = pipe.recv_bytes()
+        except (EOFError, OSError):
+            return
+        index, function, task = pickle.loads(message)
+        try:
+            answer = pickle.dumps((index, True, function(task)))
+        except Exception as error:  # the caller's business
+            answer = _as_message(index, error)
+        try:
+            pipe.send_bytes(answer)
+        except OSError:
+            return
+
+
+def _as_message(index: int, error: Exception) -> bytes:
+    try:
+        message = pickle.dumps((index, False, error))
+        pickle.loads(message)
+    except Exception:  # not every exception survives the way
+        return pickle.dumps((index, False, RuntimeError(f"{type(error).__name__}: {error}")))
+    return message
 
 
 def _leave(*_: object) -> None:
@@ -92,6 +137,15 @@ class SerialWorkers:
         """Nothing to close."""
 
 
+@dataclass
+class _Worker:
+    """One process, our end of its pipe, and the tasks it was given and has not answered, in order."""
+
+    process: BaseProcess
+    pipe: Connection
+    given: deque[int]
+
+
 class ProcessWorkers:
     """Processes on this machine.
 
@@ -106,66 +160,101 @@ class ProcessWorkers:
     def __init__(self, count: int, initializer: Callable[[], None] | None = None) -> None:
         self.count = count
         self._initializer = initializer
-        self._executor: ProcessPoolExecutor | None = None
-
-    def _start(self, count: int) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context("fork")  # cheap; this process has no threads of its own when it forks
-        return ProcessPoolExecutor(
-            count, mp_context=context, initializer=_settle, initargs=(os.getpid(), self._initializer)
-        )
+        self._workers: list[_Worker] = []
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield (index, result) as they finish; an exception of a task is raised here."""
         waiting = deque(range(len(tasks)))
-        attempts = [0] * len(tasks)
-        suspects: deque[int] = deque()
-        while waiting or suspects:
-            # Suspects (tasks in flight when a worker died) run one at a time, so that a death names its task.
-            alone = not waiting
-            queue = suspects if alone else waiting
-            pending: dict[Future[Any], int] = {}
-            try:
-                while queue or pending:
-                    if self._executor is None:
-                        self._executor = self._start(self.count)
-                    # Two tasks per worker in flight keep every worker busy; more would only widen the circle of
-                    # suspects.
-                    while queue and len(pending) < (1 if alone else 2 * self.count):
-                        index = queue.popleft()
-                        pending[self._executor.submit(function, tasks[index])] = index
-                    done, _ = wait(pending, return_when=FIRST_COMPLETED)
-                    for future in done:
-                        index = pending[future]
-                        result = future.result()
-                        del pending[future]
-                        yield index, result
-            except BrokenProcessPool:
-                self.close()
-                for future, index in pending.items():
-                    if future.done() and not future.cancelled() and future.exception() is None:
-                        yield index, future.result()
+        deaths = [0] * len(tasks)
+        try:
+            while waiting or any(worker.given for worker in self._workers):
+                while len(self._workers) < min(self.count, len(tasks)):
+                    self._start()
+                self._hand_out(function, tasks, waiting)
+                for worker in self._ready():
+                    try:
+                        index, succeeded, result = pickle.loads(worker.pipe.recv_bytes())
+                    except (EOFError, OSError):  # what it had sent was read before
+                        lost = self._bury(worker, waiting, deaths)
+                        if lost is not None:
+                            yield lost
                         continue
-                    if alone:
-                        attempts[index] += 1
-                        if attempts[index] >= MAX_ATTEMPTS:
-                            yield (
-                                index,
-                                WorkerLost(f"the worker died {MAX_ATTEMPTS} times while evaluating this pilot alone"),
-                            )
-                            continue
-                    suspects.append(index)
-            except BaseException:  # interrupted, or nobody wants the rest: what is in the works is not waited for
-                self._stop()
-                raise
+                    worker.given.remove(index)
+                    if not succeeded:
+                        raise result
+                    yield index, result
+        except BaseException:  # interrupted, or nobody wants the rest: what is in the works is not waited for
+            self._stop()
+            raise
+
+    def close(self) -> None:
+        """Have the processes end when they have done what they have; they are waited for."""
+        for worker in self._workers:
+            worker.pipe.close()
+        self._wait_for_ends()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("fork")  # cheap; this process has no threads of its own
+        ours, theirs = context.Pipe()
+        not_ours = [ours, *(worker.pipe for worker in self._workers)]
+        process = context.Process(
+            target=_work, args=(theirs, not_ours, os.getpid(), self._initializer), daemon=True, name="pilotgen worker"
+        )
+        with _signals_wait():
+            process.start()
+            self._workers.append(_Worker(process, ours, deque()))
+        theirs.close()
+
+    def _hand_out(self, function: Callable[[Any], Any], tasks: Sequence[Any], waiting: deque[int]) -> None:
+        for depth in range(_IN_FLIGHT):
+            for worker in self._workers:
+                if not waiting or len(worker.given) > depth:
+                    continue
+                message = pickle.dumps((waiting[0], function, tasks[waiting[0]]))
+                if worker.given and len(message) > _FITS_A_PIPE_BYTES:
+                    continue
+                with suppress(OSError):  # it died: `_ready` finds out
+                    worker.given.append(waiting.popleft())
+                    worker.pipe.send_bytes(message)
+
+    def _ready(self) -> list[_Worker]:
+        """Workers that have answered or died, at least one."""
+        by_pipe = {worker.pipe: worker for worker in self._workers}
+        return [by_pipe[pipe] for pipe in wait(list(by_pipe))]  # type: ignore[index]
+
+    def _bury(self, worker: _Worker, waiting: deque[int], deaths: list[int]) -> tuple[int, WorkerLost] | None:
+        """Forget a dead worker. The task it was at comes last, or back as lost; the one behind it is not suspected."""
+        self._workers.remove(worker)
+        worker.pipe.close()
+        _end(worker.process)
+        if not worker.given:
+            return None
+        at_work, *behind = worker.given
+        waiting.extendleft(reversed(behind))
+        deaths[at_work] += 1
+        if deaths[at_work] < MAX_ATTEMPTS:
+            waiting.append(at_work)
+            return None
+        return at_work, WorkerLost(f"the worker died {MAX_ATTEMPTS} times while evaluating this pilot")
 
     def _stop(self) -> None:
         """Stop the processes now, whatever they are doing."""
-        if self._executor is not None:
-            for process in list((self._executor._processes or {}).values()):
-                process.terminate()
-            self.close()
+        with _signals_wait():
+            for worker in self._workers:
+                worker.process.terminate()
+                worker.pipe.close()
+            self._wait_for_ends()
 
-    def close(self) -> None:
-        """Stop the processes; they are waited for."""
-        if self._executor is not None:
-            self._executor.shutdown(wait=True, cancel_futures=True)
-            self._executor = None
+    def _wait_for_ends(self) -> None:
+        for worker in self._workers:
+            _end(worker.process)
+        self._workers.clear()
+
+
+def _end(process: BaseProcess) -> None:
+    """Wait for a process that has been told to end, not for ever."""
+    process.join(_PATIENCE_S)
+    if process.is_alive():
+        process.kill()
+        process.join()
+    process.close()

@@ -231,15 +231,22 @@ def _null_space(G: Floats) -> tuple[Floats, _RangeSolver]:
     if n_rows == 0:
         return np.eye(n), _RangeSolver(np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0, dtype=np.intp), 0)
     Q, R, pivots = scipy.linalg.qr(G.T, pivoting=True, check_finite=False)
-    diagonal = np.abs(np.diagonal(R))
-    rank = int(np.count_nonzero(diagonal > _RANK_TOLERANCE * diagonal[0]))
+    rank = _rank(R)
     return Q[:, rank:], _RangeSolver(Q[:, :rank], R[:rank, :rank], pivots, n_rows)
+
+
+def _rank(R: Floats) -> int:
+    """Rank from the triangle of a QR factorisation with column pivoting."""
+    diagonal = np.abs(np.diagonal(R))
+    return int(np.count_nonzero(diagonal > _RANK_TOLERANCE * diagonal[0]))
 
 
 def independent_constraints(G: Floats) -> Indices:
     """Return the indices of a largest set of independent rows of `G`, ascending."""
-    _, solver = _null_space(G)
-    return np.sort(solver.pivots[: len(solver.R)])
+    if len(G) == 0:
+        return np.zeros(0, dtype=np.intp)
+    R, pivots = scipy.linalg.qr(G.T, mode="r", pivoting=True, check_finite=False)
+    return np.sort(pivots[: _rank(R)])
 
 
 def _reduced_pencil(

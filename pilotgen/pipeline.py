@@ -119,16 +119,20 @@ class Workbench:
     def client(self) -> SolverClient:
         """The running solver; started when first asked for."""
         if self._client is None:
-            self._client = SolverClient(self.mbdae)
+            self._client = SolverClient(self.mbdae, directory=self.scratch)
         return self._client
 
     def ask(self, task: str, text: str, name: str, output: Path | None = None, **options: Any) -> SolverReply:
-        """One solver call; a solver that dies is started again, three times at most."""
+        """One solver call; a solver that dies is started again, three times at most.
+
+        The deck goes by the scratch directory, where the solver works: coding it as a JSON string and decoding it again
+        would cost more than the file.
+        """
+        self._put(name, text)
         for attempt in range(1, SOLVER_ATTEMPTS + 1):
             try:
                 reply = self.client.request(
                     task,
-                    deck_text=text,
                     name=name,
                     output=str(output) if output else None,
                     timeout_s=self.time_limit_s,
@@ -140,6 +144,15 @@ class Workbench:
                     raise
         self.solver_seconds += reply.seconds
         return reply
+
+    def _put(self, name: str, text: str) -> None:
+        try:
+            with open(self.scratch / name, "wb", buffering=0) as file:
+                data = memoryview(text.encode())
+                while data:
+                    data = data[file.write(data) :]
+        except OSError as error:
+            raise EvaluationError("solver", f"{name} cannot be handed to the solver: {error.strerror}") from None
 
     def close(self) -> None:
         """Stop the solver and remove the scratch directory."""

@@ -18,6 +18,7 @@ import subprocess
 import tempfile
 import time
 import weakref
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -131,11 +132,18 @@ class SolverClient:
     ----------
     executable : path of `mbdae`; None = `find_mbdae`
     timeout_s : time limit of one request unless the request says otherwise [s]
+    directory : where the solver works, which relative names in requests belong to; None = where this process works
     """
 
-    def __init__(self, executable: str | os.PathLike[str] | None = None, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+    def __init__(
+        self,
+        executable: str | os.PathLike[str] | None = None,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        directory: str | os.PathLike[str] | None = None,
+    ) -> None:
         self.executable = find_mbdae(executable)
         self.timeout_s = timeout_s
+        self.directory = directory
         self._running: _Running | None = None
         self._next_id = 1
 
@@ -225,7 +233,7 @@ class SolverClient:
             running.end()
             running = None
         if running is None:
-            running = _Running(self.executable)
+            running = _Running(self.executable, self.directory)
         self._running = running
         return running
 
@@ -260,13 +268,18 @@ class _Lost(Exception):
 class _Running:
     """One solver process and its pipes."""
 
-    def __init__(self, executable: Path) -> None:
+    def __init__(self, executable: Path, directory: str | os.PathLike[str] | None) -> None:
         self.owner_pid = os.getpid()
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         command = [str(executable), "--serve", "--exit-with-parent", str(self.owner_pid)]
         try:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._stderr, bufsize=0
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._stderr,
+                bufsize=0,
+                cwd=directory,
             )
         except OSError as error:
             self._stderr.close()
@@ -361,7 +374,8 @@ def _end_process(process: subprocess.Popen[bytes], owner_pid: int) -> None:
         process.wait(timeout=0.2)
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait()
+        with suppress(subprocess.TimeoutExpired):  # in a signal handler, the code it interrupted may hold wait's lock
+            process.wait(timeout=2.0)
 
 
 def signal_name(number: int) -> str:

@@ -19,12 +19,18 @@ import time
 from pathlib import Path
 
 
+def deck_of(request: dict[str, object]) -> bytes:
+    """The deck of a request, which is a file beside which this program works, or nothing."""
+    path = Path(str(request.get("deck", "")))
+    return path.read_bytes() if path.is_file() else b""
+
+
 def misdeed(request: dict[str, object]) -> str:
     """What happens to this request; empty when it is served faithfully."""
     deeds = os.environ["MISDEEDS"].split(",")
     if request.get("deck") != "pilot.mbd":
         return ""
-    number = int(hashlib.sha256(str(request["text"]).encode()).hexdigest(), 16)
+    number = int(hashlib.sha256(deck_of(request)).hexdigest(), 16)
     one_in = int(os.environ.get("ONE_IN", "3"))
     return deeds[number // one_in % len(deeds)] if number % one_in == 0 else ""
 
@@ -44,7 +50,7 @@ def spoil(deed: str, reply: dict[str, object]) -> str:
         output.write_bytes(output.read_bytes()[:5000])
     elif deed == "other deck":
         data = output.read_bytes()
-        digest = hashlib.sha256(DECK.encode()).hexdigest().encode()
+        digest = hashlib.sha256(DECK).hexdigest().encode()
         output.write_bytes(data.replace(digest, b"0" * 64))
     elif deed in ("nan", "sizes"):
         import h5py
@@ -62,7 +68,7 @@ def spoil(deed: str, reply: dict[str, object]) -> str:
     return json.dumps(reply)
 
 
-DECK = ""
+DECK = b""
 
 
 def main() -> None:
@@ -76,7 +82,7 @@ def main() -> None:
         assert solver.stdin is not None and solver.stdout is not None
         for line in sys.stdin.buffer:
             request = json.loads(line)
-            deed, DECK = misdeed(request), str(request.get("text", ""))
+            deed, DECK = misdeed(request), deck_of(request)
             if deed == "crash":
                 os.kill(os.getpid(), signal.SIGSEGV)
             if deed == "exit":

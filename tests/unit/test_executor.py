@@ -65,3 +65,66 @@ def test_an_exception_of_the_task_is_the_callers() -> None:
     with pytest.raises(ValueError, match="task 0"):
         list(workers.run(raise_value_error, [0]))
     workers.close()
+
+
+def nap(task: int) -> tuple[int, int]:
+    time.sleep(0.003)
+    return task, os.getpid()
+
+
+def test_workers_killed_at_any_moment_lose_nothing() -> None:
+    workers = ProcessWorkers(3)
+    answers: dict[int, int] = {}
+    killed: set[int] = set()
+    for index, (task, pid) in workers.run(nap, list(range(150))):
+        assert index == task and index not in answers
+        answers[index] = pid
+        if index % 7 == 3 and pid not in killed:
+            killed.add(pid)
+            os.kill(pid, signal.SIGKILL)  # at work on the next one by now, or waiting for it
+    workers.close()
+    assert sorted(answers) == list(range(150))
+    assert len(killed) > 10
+
+
+def test_workers_are_gone_when_nobody_wants_the_rest() -> None:
+    workers = ProcessWorkers(2)
+    run = workers.run(nap, list(range(100)))
+    pids = {pid for _, (_, pid) in (next(run) for _ in range(10))}
+    run.close()  # type: ignore[attr-defined]
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+    assert dict(workers.run(square, [1, 2, 3])) == {0: 1, 1: 4, 2: 9}
+    workers.close()
+
+
+def return_much(size: int) -> bytes:
+    return b"x" * size
+
+
+def test_large_tasks_and_results_pass() -> None:
+    workers = ProcessWorkers(2)
+    sizes = [5_000_000, 10, 3_000_000, 200_000] * 3
+    assert {i: len(r) for i, r in workers.run(return_much, sizes)} == dict(enumerate(sizes))
+    texts = ["y" * size for size in sizes]
+    assert dict(workers.run(len, texts)) == dict(enumerate(sizes))
+    workers.close()
+
+
+class Odd(Exception):
+    """Does not survive pickling."""
+
+    def __init__(self, a: int, b: int) -> None:
+        super().__init__(f"{a} and {b}")
+
+
+def raise_odd(task: int) -> int:
+    raise Odd(task, 2)
+
+
+def test_an_exception_that_cannot_travel_is_told() -> None:
+    workers = ProcessWorkers(1)
+    with pytest.raises(RuntimeError, match="Odd: 1 and 2"):
+        list(workers.run(raise_odd, [1]))
+    workers.close()
