@@ -49,7 +49,7 @@ TEST_CASE("reactions and accelerations of a pendulum in full swing") {
   const Vec3 carried = m * (acceleration + Vec3(0, kGravity, 0));  // force of the pin on the body
   CHECK((model.y.segment<3>(12) + carried).norm() < 1e-12);        // MBDyn's sign: the force that the node exerts
   CHECK((model.ydot.segment<3>(6) - m * acceleration).norm() < 1e-12);
-  CHECK(model.ydot(11) == Approx(J * alpha).epsilon(1e-12));
+  CHECK(std::abs(model.ydot(11) - J * alpha) < 1e-13);
   CHECK((model.ydot.segment<3>(3) - Vec3(0, 0, rate)).norm() == 0.0);
   CHECK((model.y.segment<3>(6) - m * Vec3(0, 0, rate).cross(x)).norm() < 1e-14);
 }
@@ -68,7 +68,7 @@ TEST_CASE("pencil of a hanging pendulum has the physical frequency") {
   for (Eigen::Index i = 0; i < mu.size(); ++i) {
     if (std::abs(mu(i)) > 1e-6) best = std::min(best, std::abs(shift - 1.0 / mu(i) - expected));
   }
-  CHECK(best < 1e-9);
+  CHECK(best < 1e-12);  // rad/s
 }
 
 TEST_CASE("inputs are derivatives of the residual") {
@@ -95,8 +95,9 @@ TEST_CASE("inputs are derivatives of the residual") {
   CHECK(model.inputs[6].name == "drive[joint_102.rotation[3]]");
   CHECK(model.inputs[6].unit == "rad");
   REQUIRE(model.muscles.size() == 1);
-  CHECK(model.muscles[0].force == Approx(100.0 * (0.2 * (1.6 - 1.6 / std::exp(1.0)) * std::exp(0.0025 - 40 * 6.25e-6) +
-                                                  1.3 * std::atan(0.1 * std::pow(0.78, 10)))));
+  const double active = 0.2 * (1.6 - 1.6 / std::exp(1.0)) * std::exp(0.0025 - 40 * 6.25e-6);
+  const double passive = 1.3 * std::atan(0.1 * std::pow(0.78, 10));
+  CHECK(std::abs(model.muscles[0].force - 100.0 * (active + passive)) < 1e-12);
 
   // The residual depends on the inputs: linear in activation, checked by differences for the drives.
   const auto residual = [&](std::size_t input, double h) {
@@ -119,7 +120,8 @@ TEST_CASE("inputs are derivatives of the residual") {
     const double h = 1e-4;
     const Eigen::VectorXd difference = (residual(i, h) - residual(i, -h)) / (2.0 * h);
     INFO(model.inputs[i].name);
-    CHECK((difference - model.g_u.col(static_cast<Eigen::Index>(i))).norm() < 1e-6 * (1.0 + difference.norm()));
+    const double error = (difference - model.g_u.col(static_cast<Eigen::Index>(i))).norm();
+    CHECK(error / (1.0 + difference.norm()) < 1e-10);
   }
 }
 
@@ -146,8 +148,8 @@ TEST_CASE("names, kinds, units") {
 
 TEST_CASE("residual without reactions is the unbalanced load; with them nothing is left at rest") {
   const LinearisedModel model = linearise(swinging(0.0, 0.0), {});
-  CHECK(model.residual(7) == Approx(2.0 * kGravity));
-  CHECK(model.residual.norm() == Approx(2.0 * kGravity));
+  CHECK(std::abs(model.residual(7) - 2.0 * kGravity) < 1e-13);
+  CHECK(std::abs(model.residual.norm() - 2.0 * kGravity) < 1e-13);
   CHECK(model.residual_norm < 1e-13);
 }
 
@@ -167,8 +169,8 @@ TEST_CASE("redundant constraints share the load, contradicting ones are refused"
   const LinearisedModel single = linearise(deck, {});
   deck.joints.push_back(deck.joints[0]);
   const LinearisedModel both = linearise(deck, {});
-  CHECK((both.y.segment<5>(12) - 0.5 * single.y.segment<5>(12)).norm() < 1e-9);
-  CHECK((both.y.segment<5>(17) - both.y.segment<5>(12)).norm() < 1e-9);
+  CHECK((both.y.segment<5>(12) - 0.5 * single.y.segment<5>(12)).norm() < 1e-12);
+  CHECK((both.y.segment<5>(17) - both.y.segment<5>(12)).norm() < 1e-12);
 
   // A drive that accelerates against a fixed pin.
   Deck fight = swinging(0.0, 0.0);
@@ -214,6 +216,6 @@ TEST_CASE("a massless node between joints takes part") {
   add_joint(deck, SphericalHingeData{link, bob, Vec3(0, -0.8, 0), Vec3::Zero()});
   add_gravity(deck, Vec3(0, -kGravity, 0));
   const LinearisedModel model = linearise(deck, {});
-  CHECK(model.y.segment<3>(18).isApprox(Vec3(0, -1.5 * kGravity, 0), 1e-10));
-  CHECK(model.residual_norm < 1e-9);
+  CHECK((model.y.segment<3>(18) - Vec3(0, -1.5 * kGravity, 0)).norm() < 1e-12);
+  CHECK(model.residual_norm < 1e-12);
 }

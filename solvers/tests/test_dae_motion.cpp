@@ -124,6 +124,8 @@ Eigen::VectorXd energy(const Deck& deck, const Motion& motion) {
   return out;
 }
 
+double relative_error(double value, double expected) { return std::abs(value / expected - 1.0); }
+
 double spread(const Eigen::VectorXd& v) { return v.maxCoeff() - v.minCoeff(); }
 
 }  // namespace
@@ -133,10 +135,10 @@ TEST_CASE("small pendulum: frequency of both integrators") {
   Deck deck = pendulum(amplitude);
   const double expected = 2.0 * kPi / pendulum_frequency();
   set_time(deck, 5.5 * expected, 1e-3);
-  CHECK(period_of(integrate(deck, with("ida", 1e-10, 1e-13))) == Approx(expected).epsilon(1e-6));
+  CHECK(relative_error(period_of(integrate(deck, with("ida", 1e-10, 1e-13))), expected) < 1e-8);
   deck.initial_value.rho = 1.0;
   deck.initial_value.tolerance = 1e-13;
-  CHECK(period_of(integrate(deck, with("ms"))) == Approx(expected).epsilon(3e-5));  // h^2 error: (w h)^2 / 12 and more
+  CHECK(relative_error(period_of(integrate(deck, with("ms"))), expected) < 1e-5);  // of order (w h)^2 / 12
 }
 
 TEST_CASE("large pendulum: period by the elliptic integral") {
@@ -145,7 +147,7 @@ TEST_CASE("large pendulum: period by the elliptic integral") {
     const double expected = 4.0 / pendulum_frequency() * elliptic_K(std::sin(0.5 * amplitude));
     set_time(deck, 4.5 * expected, 2e-3);
     INFO("amplitude " << amplitude);
-    CHECK(period_of(integrate(deck, with("ida", 1e-10, 1e-12))) == Approx(expected).epsilon(1e-6));
+    CHECK(relative_error(period_of(integrate(deck, with("ida", 1e-10, 1e-12))), expected) < 1e-6);
   }
 }
 
@@ -165,14 +167,14 @@ TEST_CASE("coefficients of the two-step formula") {
   for (const double rho : {0.0, 0.3, 0.6, 1.0}) {
     const MultistepCoefficients m = multistep_coefficients(rho);
     // exact for y = 1, t, t^2 about t_k = 0 with h = 1
-    CHECK(m.a1 + m.a2 == Approx(1.0));
-    CHECK(-m.a1 - 2.0 * m.a2 + m.b0 + m.b1 + m.b2 == Approx(0.0).margin(1e-14));
-    CHECK(m.a1 + 4.0 * m.a2 - 2.0 * m.b1 - 4.0 * m.b2 == Approx(0.0).margin(1e-14));
+    CHECK(std::abs(m.a1 + m.a2 - 1.0) < 1e-14);
+    CHECK(std::abs(-m.a1 - 2.0 * m.a2 + m.b0 + m.b1 + m.b2) < 1e-14);
+    CHECK(std::abs(m.a1 + 4.0 * m.a2 - 2.0 * m.b1 - 4.0 * m.b2) < 1e-14);
     // roots of b0 z^2 + b1 z + b2 both at -rho
-    CHECK(m.b1 / m.b0 == Approx(2.0 * rho).margin(1e-14));
-    CHECK(m.b2 / m.b0 == Approx(rho * rho).margin(1e-14));
+    CHECK(std::abs(m.b1 / m.b0 - 2.0 * rho) < 1e-14);
+    CHECK(std::abs(m.b2 / m.b0 - rho * rho) < 1e-14);
   }
-  CHECK(multistep_coefficients(0.0).a1 == Approx(4.0 / 3.0));  // BDF2
+  CHECK(relative_error(multistep_coefficients(0.0).a1, 4.0 / 3.0) < 1e-14);  // BDF2
 }
 
 TEST_CASE("mass, spring and damper: free decay") {
@@ -221,11 +223,13 @@ TEST_CASE("fast top: steady precession and conserved angular momentum") {
   const Motion motion = integrate(deck, with("ida", 1e-10, 1e-12));
   const Eigen::VectorXd x = channel(motion, "node_1.x"), y = channel(motion, "node_1.y"),
                         z = channel(motion, "node_1.z");
+  double error = 0.0;  // m
   for (std::size_t i = 0; i < motion.time.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const Vec3 expected = rotation_exp(Vec3(0.0, Omega * motion.time[i], 0.0)) * (l * e);
-    CHECK((Vec3(x(k), y(k), z(k)) - expected).norm() < 1e-6 * l);
+    error = std::max(error, (Vec3(x(k), y(k), z(k)) - expected).norm());
   }
+  CHECK(error / l < 1e-8);
 }
 
 TEST_CASE("slider-crank: kinematics of a driven crank") {
@@ -270,19 +274,24 @@ TEST_CASE("slider-crank: kinematics of a driven crank") {
   add_gravity(deck, Vec3(0.0, -kGravity, 0.0));
   set_time(deck, 1.0, 5e-3);
   for (const char* integrator : {"ida", "ms"}) {
-    if (std::string(integrator) == "ms") deck.initial_value.time_step = 1e-3;
+    const bool ida = std::string(integrator) == "ida";
+    if (!ida) deck.initial_value.time_step = 1e-3;
     const Motion motion = integrate(deck, with(integrator, 1e-9, 1e-11));
     const Eigen::VectorXd x = channel(motion, "node_3.x"), v = channel(motion, "node_3.vx");
+    double error = 0.0, rate_error = 0.0;  // m, m/s
     for (std::size_t i = 0; i < motion.time.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
       const Jet jet = drive->at(motion.time[i]);
       const double phi = phi0 + jet.value, sine_part = r * std::sin(phi),
                    side = std::sqrt(L * L - sine_part * sine_part);
       const double x_exact = r * std::cos(phi) + side;
       const double v_exact = -jet.rate * (sine_part + sine_part * r * std::cos(phi) / side);
-      INFO(integrator << " t = " << motion.time[i]);
-      CHECK(x(static_cast<Eigen::Index>(i)) == Approx(x_exact).margin(1e-8));
-      CHECK(v(static_cast<Eigen::Index>(i)) == Approx(v_exact).margin(std::string(integrator) == "ida" ? 1e-7 : 1e-3));
+      error = std::max(error, std::abs(x(k) - x_exact));
+      rate_error = std::max(rate_error, std::abs(v(k) - v_exact));
     }
+    INFO(integrator);
+    CHECK(error < 1e-13);
+    CHECK(rate_error < (ida ? 1e-13 : 1e-4));
   }
 }
 
@@ -316,6 +325,6 @@ TEST_CASE("constraints hold for 1000 s") {
     position = std::max(position, (at(0) + arm).norm());
     velocity = std::max(velocity, (at(6) + at(9).cross(arm)).norm());
   }
-  CHECK(position < 1e-8);
-  CHECK(velocity < 1e-8);
+  CHECK(position < 1e-13);  // m
+  CHECK(velocity < 1e-13);  // m/s
 }

@@ -67,11 +67,11 @@ TEST_CASE("pendulum against a torsion spring, from far away") {
   for (const double start : {0.0, 0.9, -1.5, 2.5}) {
     const LinearisedModel model = solve_static(sprung_pendulum(2.0, 0.5, 14.0, 1.1, start), {});
     INFO("start " << start);
-    CHECK(angle_of(model, 1) == Approx(pendulum_angle(2.0, 0.5, 14.0, 1.1)).epsilon(1e-12));
+    CHECK(std::abs(angle_of(model, 1) - pendulum_angle(2.0, 0.5, 14.0, 1.1)) < 1e-12);
     CHECK(model.residual_norm < 1e-10);
     CHECK(model.analysis == "static");
     // the clamp carries the weight
-    CHECK(model.y(12 + 1) == Approx(-2.0 * kGravity).epsilon(1e-12));
+    CHECK(std::abs(model.y(12 + 1) + 2.0 * kGravity) < 1e-12);
   }
 }
 
@@ -90,9 +90,8 @@ TEST_CASE("constraints violated at the start are closed") {
   end.rotation.fill(TotalComponent::inactive);
   add_joint(deck, end);
   const LinearisedModel model = solve_static(deck, {});
-  CHECK(model.nodes[1].x.x() == Approx(0.5 * distance).epsilon(1e-9));
-  CHECK(model.nodes[1].x.y() == Approx(std::sqrt(1.0 - 0.25 * distance * distance)).epsilon(1e-9));
-  CHECK(model.nodes[1].x.z() == Approx(0.0).margin(1e-9));
+  const Vec3 elbow(0.5 * distance, std::sqrt(1.0 - 0.25 * distance * distance), 0.0);
+  CHECK((model.nodes[1].x - elbow).norm() < 1e-11);
 }
 
 TEST_CASE("large rotation of a clamped node follows a ramp in time") {
@@ -113,8 +112,8 @@ TEST_CASE("large rotation of a clamped node follows a ramp in time") {
   add_joint(deck, pin);
   const LinearisedModel model = solve_static(deck, {});
   CHECK(model.time == 1.0);
-  CHECK((model.nodes[0].x - shift).norm() < 1e-12);
-  CHECK((model.nodes[0].R - rotation_exp(turn)).norm() < 1e-12);
+  CHECK((model.nodes[0].x - shift).norm() < 1e-13);
+  CHECK((model.nodes[0].R - rotation_exp(turn)).norm() < 1e-13);
 }
 
 TEST_CASE("redundant constraints: least loads, same posture") {
@@ -122,10 +121,10 @@ TEST_CASE("redundant constraints: least loads, same posture") {
   const LinearisedModel simple = solve_static(deck, {});
   add_joint(deck, clamp(deck, 0));  // the ground twice
   const LinearisedModel model = solve_static(deck, {});
-  CHECK(angle_of(model, 1) == Approx(angle_of(simple, 1)).epsilon(1e-11));
+  CHECK(std::abs(angle_of(model, 1) - angle_of(simple, 1)) < 1e-12);
   const Eigen::VectorXd first = model.y.segment<6>(12), second = model.y.tail<6>();
-  CHECK((first - second).norm() < 1e-9);  // both carry half
-  CHECK((first + second - simple.y.segment<6>(12)).norm() < 1e-9);
+  CHECK((first - second).norm() < 1e-12);  // both carry half
+  CHECK((first + second - simple.y.segment<6>(12)).norm() < 1e-12);
 }
 
 TEST_CASE("partly imposed rotation: the imposed component of the rotation vector is met") {
@@ -142,7 +141,7 @@ TEST_CASE("partly imposed rotation: the imposed component of the rotation vector
   law.prestrain = vector_drive<3>(Vec3(0.0, 0.5, -0.4));
   add_joint(deck, DeformableHingeData{ground, node, Mat3::Identity(), Mat3::Identity(), law});
   const LinearisedModel model = solve_static(deck, {});
-  CHECK(rotation_log(model.nodes[0].R).x() == Approx(0.7).epsilon(1e-9));
+  CHECK(std::abs(rotation_log(model.nodes[0].R).x() - 0.7) < 1e-13);
 }
 
 TEST_CASE("a node that nothing carries is named") {

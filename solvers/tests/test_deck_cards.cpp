@@ -132,14 +132,15 @@ TEST_CASE("nodes with their options, dummy nodes") {
   REQUIRE(deck.dummy_nodes.size() == 1);
   CHECK(deck.dummy_nodes[0].base == 0);
   CHECK(deck.dummy_nodes[0].offset == Vec3(0.1, 0.2, 0.3));
-  CHECK(deck.dummy_nodes[0].rotation(1, 0) == Approx(std::sin(0.5)));
+  CHECK(deck.dummy_nodes[0].rotation(1, 0) == Approx(std::sin(0.5)).epsilon(1e-14));
 }
 
 TEST_CASE("gravity") {
   const mbdae::Deck deck = with_elements("gravity: uniform, 0., -1., 0., const, 9.81;\n");
   REQUIRE(deck.gravity.has_value());
   CHECK(deck.gravity->at(0.0) == Vec3(0, -9.81, 0));
-  CHECK(with_elements("gravity: 0., 0., -1., ramp, 9.81, 0., 1., 0.;\n").gravity->at(0.5)(2) == Approx(-4.905));
+  CHECK(with_elements("gravity: 0., 0., -1., ramp, 9.81, 0., 1., 0.;\n").gravity->at(0.5)(2) ==
+        Approx(-4.905).epsilon(1e-14));
 }
 
 TEST_CASE("forces have arms in the node") {
@@ -162,7 +163,7 @@ TEST_CASE("clamp") {
       only_joint<mbdae::ClampData>(with_elements("joint: 1, clamp, 2, position, 4., 5., 6., orientation, euler, 0., "
                                                  "0., 0.1, output, no, initial state, 1., 2., 3., 4., 5., 6.;\n"));
   CHECK(moved.X == Vec3(4, 5, 6));
-  CHECK(moved.R(1, 0) == Approx(std::sin(0.1)));
+  CHECK(moved.R(1, 0) == Approx(std::sin(0.1)).epsilon(1e-14));
   REQUIRE(moved.initial_reaction.has_value());
   CHECK((*moved.initial_reaction)(5) == 6.0);
 }
@@ -183,7 +184,7 @@ TEST_CASE("spherical and revolute joints") {
                     "null, initial theta, 0.3,"
                     " orientation description, euler123, inverse dynamics, torque, yes, prescribed motion, no, initial "
                     "state, 1., 2., 3., 4., 5.;\n"));
-  CHECK(hinge.R1h(2, 1) == Approx(std::sin(0.1)));
+  CHECK(hinge.R1h(2, 1) == Approx(std::sin(0.1)).epsilon(1e-14));
   CHECK(hinge.R2h == Mat3::Identity());
   CHECK(hinge.initial_theta == 0.3);
   REQUIRE(hinge.initial_reaction.has_value());
@@ -191,8 +192,8 @@ TEST_CASE("spherical and revolute joints") {
   const auto revolute_pin = only_joint<mbdae::RevolutePinData>(
       with_elements("joint: 1, revolute pin, 2, position, null, orientation, euler, 0., 0.1, 0., position, 1., 2., 3., "
                     "orientation, euler, 0., 0., 0.2;\n"));
-  CHECK(revolute_pin.Rh(0, 2) == Approx(std::sin(0.1)));
-  CHECK(revolute_pin.R0(1, 0) == Approx(std::sin(0.2)));
+  CHECK(revolute_pin.Rh(0, 2) == Approx(std::sin(0.1)).epsilon(1e-14));
+  CHECK(revolute_pin.R0(1, 0) == Approx(std::sin(0.2)).epsilon(1e-14));
   CHECK(revolute_pin.X0 == Vec3(1, 2, 3));
   CHECK_FALSE(revolute_pin.initial_theta.has_value());
 }
@@ -204,11 +205,11 @@ TEST_CASE("cardano, in line and total pin joints") {
         with_elements("joint: 1, " + name +
                       " hinge, 1, position, 1., 0., 0., 2, position, 0., 1., 0., orientation, euler, 0.1, 0., 0.;\n"));
     CHECK(hinge.d2 == Vec3(0, 1, 0));
-    CHECK(hinge.R2h(2, 1) == Approx(std::sin(0.1)));
+    CHECK(hinge.R2h(2, 1) == Approx(std::sin(0.1)).epsilon(1e-14));
     const auto pin = only_joint<mbdae::CardanoPinData>(with_elements(
         "joint: 1, " + name +
         " pin, 2, position, null, orientation, eye, position, 1., 2., 3., orientation, euler, 0., 0., 0.2;\n"));
-    CHECK(pin.R0(1, 0) == Approx(std::sin(0.2)));
+    CHECK(pin.R0(1, 0) == Approx(std::sin(0.2)).epsilon(1e-14));
   }
   const auto line =
       only_joint<mbdae::InLineData>(with_elements("joint: 1, in line, 1, position, 1., 0., 0., orientation, 3, 1., 0., "
@@ -224,13 +225,13 @@ TEST_CASE("cardano, in line and total pin joints") {
                     " orientation constraint, 1, 1, 1, null;\n"));
   using C = mbdae::TotalComponent;
   CHECK(pin.fn == Vec3(0.1, 0, 0));
-  CHECK(pin.Rnhr(2, 1) == Approx(std::sin(0.1)));
+  CHECK(pin.Rnhr(2, 1) == Approx(std::sin(0.1)).epsilon(1e-14));
   CHECK(pin.Rnh == Mat3::Identity());
   CHECK(pin.Xc == Vec3(1, 2, 3));
-  CHECK(pin.Rch(1, 0) == Approx(std::sin(0.2)));
+  CHECK(pin.Rch(1, 0) == Approx(std::sin(0.2)).epsilon(1e-14));
   CHECK(pin.Rchr == Mat3::Identity());
   CHECK(pin.position == std::array<C, 3>{C::position, C::velocity, C::inactive});
-  CHECK(pin.position_drive.at(1.0)(1) == Approx(0.1 * (1.0 - std::cos(1.0))));
+  CHECK(pin.position_drive.at(1.0)(1) == Approx(0.1 * (1.0 - std::cos(1.0))).epsilon(1e-14));
   CHECK(pin.rotation_drive.terms.empty());
 }
 
@@ -257,7 +258,7 @@ TEST_CASE("linear laws") {
   const auto isotropic = std::get<mbdae::LinearLaw<3>>(law_of_hinge(
       "linear viscoelastic, 5., proportional, 0.1, prestress, 1., 2., 3., prestrain, single, 0., 0., 1., 0.9"));
   CHECK(isotropic.K == 5.0 * Mat3::Identity());
-  CHECK(isotropic.C.isApprox(0.5 * Mat3::Identity()));
+  CHECK(isotropic.C == 0.5 * Mat3::Identity());
   CHECK(isotropic.prestress == Vec3(1, 2, 3));
   CHECK(isotropic.prestrain.at(0.0) == Vec3(0, 0, 0.9));
   const auto generic = std::get<mbdae::LinearLaw<3>>(law_of_hinge(

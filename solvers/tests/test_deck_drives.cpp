@@ -40,9 +40,9 @@ void check_derivatives(const std::string& text, double from, double to) {
 void check_jet(const DrivePtr& d, double t, double value, double rate, double second) {
   INFO("t = " << t);
   const Jet jet = d->at(t);
-  CHECK(jet.value == Approx(value).margin(1e-14));
-  CHECK(jet.rate == Approx(rate).margin(1e-14));
-  CHECK(jet.second == Approx(second).margin(1e-13));
+  CHECK(jet.value == Approx(value).epsilon(1e-14).margin(1e-14));
+  CHECK(jet.rate == Approx(rate).epsilon(1e-14).margin(1e-14));
+  CHECK(jet.second == Approx(second).epsilon(1e-13).margin(1e-13));
 }
 
 }  // namespace

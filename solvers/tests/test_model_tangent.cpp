@@ -40,7 +40,7 @@ Eigen::VectorXd derivative(const std::function<Eigen::VectorXd(double)>& f) {
   return (16.0 * bc - ab) / 15.0;
 }
 
-void check_tangents(const Deck& deck, unsigned seed, double tolerance = 1e-9) {
+void check_tangents(const Deck& deck, unsigned seed, double tolerance = 1e-10) {
   Ugly ugly(seed);
   Model model(deck);
   State state = model.initial_state();
@@ -126,9 +126,9 @@ void check_tangents(const Deck& deck, unsigned seed, double tolerance = 1e-9) {
       const int row = entry.constraint->first() + i - first;
       INFO(joint_title(*entry.data) << " row " << i + 1);
       if (!entry.constraint->velocity_level(i)) {
-        CHECK(rates.rate(first + row) == Approx(phi_rate(row)).margin(tolerance * 10).epsilon(tolerance * 10));
+        CHECK(std::abs(rates.rate(first + row) - phi_rate(row)) / (1.0 + std::abs(phi_rate(row))) < tolerance);
       }
-      CHECK(rates.bias(first + row) == Approx(bias(row)).margin(tolerance * 100).epsilon(tolerance * 10));
+      CHECK(std::abs(rates.bias(first + row) - bias(row)) / (1.0 + std::abs(bias(row))) < tolerance);
     }
   }
 }
@@ -274,7 +274,7 @@ TEST_CASE("total joint, every kind of component") {
       joint.position = {kind[0], kind[1], kind[2]};
       joint.rotation = {kind[3], kind[4], kind[5]};
       add_joint(deck, joint);
-      check_tangents(deck, 30 + seed, 3e-9);
+      check_tangents(deck, 30 + seed);
     }
     DYNAMIC_SECTION("pin of kind " << i) {
       Deck deck = two_bodies(40 + seed);
@@ -282,7 +282,7 @@ TEST_CASE("total joint, every kind of component") {
       pin.position = {kind[0], kind[1], kind[2]};
       pin.rotation = {kind[3], kind[4], kind[5]};
       add_joint(deck, pin);
-      check_tangents(deck, 50 + seed, 3e-9);
+      check_tangents(deck, 50 + seed);
     }
   }
 }
@@ -329,7 +329,7 @@ TEST_CASE("deformable hinges and joint at large relative rotation") {
     law6.C = ugly.matrix<6>(2.0);
     law6.prestress << ugly.vector(), ugly.vector();
     add_joint(deck, DeformableJointData{0, 1, ugly.vector(), ugly.vector(), ugly.rotation(), ugly.rotation(), law6});
-    check_tangents(deck, 70 + i, 1e-8);
+    check_tangents(deck, 70 + i);
   }
 }
 
@@ -363,7 +363,7 @@ TEST_CASE("muscles: every variant of the law") {
     law.activation_check = variant >= 6;
     DYNAMIC_SECTION("variant " << variant) {
       add_joint(deck, RodData{0, 1, f1, f2, law.Li, law});
-      check_tangents(deck, 90, 1e-8);
+      check_tangents(deck, 90, 3e-10);
     }
   }
 }
