@@ -60,6 +60,31 @@ Vec3 three_numbers(Input& input, const char* what) {
   return v;
 }
 
+/// A square matrix in any of its forms; "skew" exists for three rows only.
+template <int N>
+Eigen::Matrix<double, N, N> read_square(Input& input, const char* what) {
+  input.need(what);
+  Eigen::Matrix<double, N, N> m = Eigen::Matrix<double, N, N>::Zero();
+  if (input.take("null")) {
+  } else if (input.take("eye")) {
+    m.setIdentity();
+  } else if (input.take("diag")) {
+    for (int i = 0; i < N; ++i) m(i, i) = input.real(what);
+  } else if (N == 3 && input.take("skew")) {
+    m.template topLeftCorner<3, 3>() = skew(three_numbers(input, what));
+  } else if (input.take("sym")) {
+    for (int row = 0; row < N; ++row) {
+      for (int column = row; column < N; ++column) m(row, column) = m(column, row) = input.real(what);
+    }
+  } else {
+    input.take("matr");
+    for (int row = 0; row < N; ++row) {
+      for (int column = 0; column < N; ++column) m(row, column) = input.real(what);
+    }
+  }
+  return m * read_scale(input);
+}
+
 Vec3 unit_vector(Input& input, const char* what) {
   const SourcePosition where = input.where();
   const Vec3 v = three_numbers(input, what);
@@ -212,49 +237,9 @@ Vec6 read_vec6(Input& input, const char* what) {
   return v * read_scale(input);
 }
 
-Mat3 read_mat3(Input& input, const char* what) {
-  input.need(what);
-  Mat3 m = Mat3::Zero();
-  if (input.take("null")) {
-  } else if (input.take("eye")) {
-    m.setIdentity();
-  } else if (input.take("diag")) {
-    m.diagonal() = three_numbers(input, what);
-  } else if (input.take("skew")) {
-    m = skew(three_numbers(input, what));
-  } else if (input.take("sym")) {
-    for (int row = 0; row < 3; ++row) {
-      for (int column = row; column < 3; ++column) m(row, column) = m(column, row) = input.real(what);
-    }
-  } else {
-    input.take("matr");
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) m(row, column) = input.real(what);
-    }
-  }
-  return m * read_scale(input);
-}
+Mat3 read_mat3(Input& input, const char* what) { return read_square<3>(input, what); }
 
-Mat6 read_mat6(Input& input, const char* what) {
-  input.need(what);
-  Mat6 m = Mat6::Zero();
-  if (input.take("null")) {
-  } else if (input.take("eye")) {
-    m.setIdentity();
-  } else if (input.take("diag")) {
-    for (int i = 0; i < 6; ++i) m(i, i) = input.real(what);
-  } else if (input.take("sym")) {
-    for (int row = 0; row < 6; ++row) {
-      for (int column = row; column < 6; ++column) m(row, column) = m(column, row) = input.real(what);
-    }
-  } else {
-    input.take("matr");
-    for (int row = 0; row < 6; ++row) {
-      for (int column = 0; column < 6; ++column) m(row, column) = input.real(what);
-    }
-  }
-  return m * read_scale(input);
-}
+Mat6 read_mat6(Input& input, const char* what) { return read_square<6>(input, what); }
 
 Mat3 read_orientation(Input& input) {
   static constexpr const char* kForms[] = {"eye",      "matr",     "euler",  "euler123",

@@ -116,7 +116,7 @@ inline int moment_row(const NodeSlot& slot) { return slot.force < 0 ? -1 : slot.
 inline int rotation_column(const NodeSlot& slot) { return slot.first < 0 ? -1 : slot.first + 3; }
 
 /// Adds a force and a moment [N, N m] to the equilibrium rows of g (g = - sum of the forces on the node).
-inline void add_to_g(Eigen::VectorXd& g, const NodeSlot& slot, const Vec3& force, const Vec3& moment) {
+inline void add_to_g(Eigen::Ref<Eigen::VectorXd> g, const NodeSlot& slot, const Vec3& force, const Vec3& moment) {
   if (slot.force < 0) return;
   g.segment<3>(slot.force) += force;
   g.segment<3>(slot.force + 3) += moment;

@@ -48,14 +48,8 @@ MuscleValue Rod::muscle(const State& state) const {
 void Rod::add_activation_derivative(const State& state, Eigen::Ref<Eigen::VectorXd> column) const {
   const Geometry geo = geometry(state);
   const Vec3 F = geo.u * (muscle(state).by_activation / geo.l);
-  if (node1_.force >= 0) {
-    column.segment<3>(node1_.force) -= F;
-    column.segment<3>(node1_.force + 3) -= geo.f1.cross(F);
-  }
-  if (node2_.force >= 0) {
-    column.segment<3>(node2_.force) += F;
-    column.segment<3>(node2_.force + 3) += geo.f2.cross(F);
-  }
+  add_to_g(column, node1_, -F, -geo.f1.cross(F));
+  add_to_g(column, node2_, F, geo.f2.cross(F));
 }
 
 void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
@@ -83,7 +77,19 @@ void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
     if (!w2.isZero(0.0)) G2 -= D_v * skew_skew(w2, geo.f2);
   }
 
-  // (force row sign, arm) of each end times (columns of x1, g1, x2, g2)
+  // dF = D (dx2 - dx1) + G1 dg1 + G2 dg2 in the force and moment rows of one end
+  const auto add_rows = [&](Eigen::MatrixXd& A, int row, double s, const Mat3& arm, const Mat3& D, const Mat3& by_g1,
+                            const Mat3& by_g2) {
+    add_block(A, row, node1_.first, -s * D);
+    add_block(A, row, rotation_column(node1_), s * by_g1);
+    add_block(A, row, node2_.first, s * D);
+    add_block(A, row, rotation_column(node2_), s * by_g2);
+    const Mat3 aD = arm * D;
+    add_block(A, row + 3, node1_.first, -aD);
+    add_block(A, row + 3, rotation_column(node1_), arm * by_g1);
+    add_block(A, row + 3, node2_.first, aD);
+    add_block(A, row + 3, rotation_column(node2_), arm * by_g2);
+  };
   const NodeSlot* ends[2] = {&node1_, &node2_};
   const Mat3* arms[2] = {&f1x, &f2x};
   const double signs[2] = {-1.0, 1.0};
@@ -92,26 +98,8 @@ void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
     if (row.force < 0) continue;
     const double s = signs[i];
     const Mat3 arm = s * *arms[i];
-    add_block(eq.g_y, row.force, node1_.first, -s * D_x);
-    add_block(eq.g_y, row.force, rotation_column(node1_), s * G1);
-    add_block(eq.g_y, row.force, node2_.first, s * D_x);
-    add_block(eq.g_y, row.force, rotation_column(node2_), s * G2);
-    const Mat3 aD = arm * D_x;
-    add_block(eq.g_y, row.force + 3, node1_.first, -aD);
-    add_block(eq.g_y, row.force + 3, rotation_column(node1_), arm * G1);
-    add_block(eq.g_y, row.force + 3, node2_.first, aD);
-    add_block(eq.g_y, row.force + 3, rotation_column(node2_), arm * G2);
-    if (d != 0.0) {
-      add_block(eq.g_ydot, row.force, node1_.first, -s * D_v);
-      add_block(eq.g_ydot, row.force, rotation_column(node1_), s * V1);
-      add_block(eq.g_ydot, row.force, node2_.first, s * D_v);
-      add_block(eq.g_ydot, row.force, rotation_column(node2_), s * V2);
-      const Mat3 aV = arm * D_v;
-      add_block(eq.g_ydot, row.force + 3, node1_.first, -aV);
-      add_block(eq.g_ydot, row.force + 3, rotation_column(node1_), arm * V1);
-      add_block(eq.g_ydot, row.force + 3, node2_.first, aV);
-      add_block(eq.g_ydot, row.force + 3, rotation_column(node2_), arm * V2);
-    }
+    add_rows(eq.g_y, row.force, s, arm, D_x, G1, G2);
+    if (d != 0.0) add_rows(eq.g_ydot, row.force, s, arm, D_v, V1, V2);
     // the arm turns with its node
     add_block(eq.g_y, row.force + 3, rotation_column(row), s * skew_skew(F, i == 0 ? geo.f1 : geo.f2));
   }

@@ -10,6 +10,14 @@ constexpr std::array<TotalComponent, 3> kNone{TotalComponent::inactive, TotalCom
                                               TotalComponent::inactive};
 }  // namespace
 
+struct TotalConstraint::Offset {
+  Mat3 R;        // position frame in node 1, global
+  Vec3 b1, b2;   // the point from node 1 and from node 2
+  Vec3 w1, w21;  // angular velocity of node 1, of node 2 less that of node 1
+  Vec3 b1_rate, b2_rate;
+  Vec3 u;  // rate of b1 seen from node 1
+};
+
 // E = Rr^T R2 R2hr exp(Theta)^T = exp(theta): theta is the constraint.
 struct TotalConstraint::Relative {
   Mat3 Rr;     // rotation frame in node 1, global
@@ -81,6 +89,29 @@ TotalConstraint::TotalConstraint(const TotalPinData& data, const NodeSlot& node,
   add_rows(data.position, data.rotation);
 }
 
+TotalConstraint::Offset TotalConstraint::offset(const State& state) const {
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const NodeMotion& n2 = motion_of(state, node2_);
+  Offset at;
+  at.R = n1.R * R1h_;
+  at.b2 = n2.R * f2_;
+  at.b1 = n2.x + at.b2 - n1.x;
+  at.w1 = n1.w;
+  at.w21 = n2.w - n1.w;
+  at.b2_rate = n2.w.cross(at.b2);
+  at.b1_rate = n2.v + at.b2_rate - n1.v;
+  at.u = at.b1_rate - n1.w.cross(at.b1);
+  return at;
+}
+
+void TotalConstraint::add_rate_row(Eigen::MatrixXd& A, int row, const Vec3& e, const Offset& at) const {
+  const Vec3 ew1 = e.cross(at.w1);
+  add_row(A, row, node1_.first, ew1);
+  add_row(A, row, node2_.first, -ew1);
+  add_row(A, row, rotation_column(node1_), e.cross(at.u));
+  add_row(A, row, rotation_column(node2_), at.b2.cross(e.cross(at.w21)));
+}
+
 TotalConstraint::Relative TotalConstraint::relative_rotation(const State& state) const {
   Relative r;
   r.Rr = motion_of(state, node1_).R * R1hr_;
@@ -106,12 +137,8 @@ void TotalConstraint::set_reference(const State& state) {
 }
 
 void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) const {
-  const NodeMotion& n1 = motion_of(state, node1_);
-  const NodeMotion& n2 = motion_of(state, node2_);
-  const Mat3 R = n1.R * R1h_;
-  const Vec3 b2 = n2.R * f2_, b1 = n2.x + b2 - n1.x;
-  const Vec3 w21 = n2.w - n1.w;
-  const Vec3 u = n2.v + n2.w.cross(b2) - n1.v - n1.w.cross(b1);  // rate of b1 seen from node 1
+  const Offset at = offset(state);
+  const Vec3 &b1 = at.b1, &b2 = at.b2, &w21 = at.w21;
   const Vec3 imposed = position_drive_.at(state.t);
   const int F1 = node1_.force, F2 = node2_.force, M1 = moment_row(node1_), M2 = moment_row(node2_);
   const int x1 = node1_.first, x2 = node2_.first, g1 = rotation_column(node1_), g2 = rotation_column(node2_);
@@ -122,7 +149,7 @@ void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) 
     rel = relative_rotation(state);
     theta_rows = rel.gamma_inverse * rel.Rr.transpose();
   } else {
-    rel.Rr = n1.R * R1hr_;
+    rel.Rr = motion_of(state, node1_).R * R1hr_;
   }
 
   Vec3 F = Vec3::Zero(), M = Vec3::Zero();
@@ -131,22 +158,16 @@ void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) 
     const int row = first_ + static_cast<int>(k);
     const double reaction = state.y(row);
     if (!rotation) {
-      const Vec3 e = R.col(i), m1 = b1.cross(e), m2 = b2.cross(e);
+      const Vec3 e = at.R.col(i), m1 = b1.cross(e), m2 = b2.cross(e);
       F += reaction * e;
-      eq.g(row) += (velocity ? e.dot(u) : e.dot(b1) - origin_(i)) - imposed(i);
+      eq.g(row) += (velocity ? e.dot(at.u) : e.dot(b1) - origin_(i)) - imposed(i);
       if (!tangent) continue;
       Eigen::MatrixXd& rows = velocity ? eq.g_ydot : eq.g_y;
       add_row(rows, row, x1, -e);
       add_row(rows, row, g1, -m1);
       add_row(rows, row, x2, e);
       add_row(rows, row, g2, m2);
-      if (velocity) {
-        const Vec3 ew1 = e.cross(n1.w);
-        add_row(eq.g_y, row, x1, ew1);
-        add_row(eq.g_y, row, x2, -ew1);
-        add_row(eq.g_y, row, g1, e.cross(u));
-        add_row(eq.g_y, row, g2, b2.cross(e.cross(w21)));
-      }
+      if (velocity) add_rate_row(eq.g_y, row, e, at);
       add_column(eq.g_y, F1, row, -e);
       add_column(eq.g_y, M1, row, -m1);
       add_column(eq.g_y, F2, row, e);
@@ -189,18 +210,14 @@ void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) 
 }
 
 void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tangent) const {
-  const NodeMotion& n1 = motion_of(state, node1_);
-  const NodeMotion& n2 = motion_of(state, node2_);
-  const Mat3 R = n1.R * R1h_;
-  const Vec3 b2 = n2.R * f2_, b1 = n2.x + b2 - n1.x;
-  const Vec3 b2dot = n2.w.cross(b2), b1dot = n2.v + b2dot - n1.v;
-  const Vec3 u = b1dot - n1.w.cross(b1), w21 = n2.w - n1.w;
-  const Vec3 udot = n2.w.cross(b2dot) - n1.w.cross(b1dot);  // with accelerations zero
-  const int x1 = node1_.first, x2 = node2_.first, g1 = rotation_column(node1_), g2 = rotation_column(node2_);
+  const Offset at = offset(state);
+  const Vec3 &w1 = at.w1, &w21 = at.w21;
+  const Vec3 u_rate = motion_of(state, node2_).w.cross(at.b2_rate) - w1.cross(at.b1_rate);  // with accelerations zero
+  const int g1 = rotation_column(node1_), g2 = rotation_column(node2_);
 
   Vec3 theta_rate = Vec3::Zero(), theta_bias = Vec3::Zero();
   Mat3 theta_by_phi1 = Mat3::Zero(), theta_by_phi2 = Mat3::Zero();
-  Mat3 Rr = n1.R * R1hr_;
+  const Mat3 Rr = motion_of(state, node1_).R * R1hr_;
   if (active_rotations_ > 0) {
     const Relative rel = relative_rotation(state);
     Vec3 rate = rotation_drive_.at(state.t, 1), second = rotation_drive_.at(state.t, 2);
@@ -213,7 +230,7 @@ void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tange
     const Mat3 by_theta = rotation_gamma_inverse_derivative(rel.theta, omega);
     const Vec3 turning_rate = omega.cross(turning) + rel.E * (rotation_gamma(rel.Theta) * second +
                                                               rotation_gamma_derivative(rel.Theta, rate) * rate);
-    theta_bias = rel.gamma_inverse * (Rr.transpose() * (-n1.w.cross(w21)) - turning_rate) + by_theta * theta_rate;
+    theta_bias = rel.gamma_inverse * (Rr.transpose() * (-w1.cross(w21)) - turning_rate) + by_theta * theta_rate;
     if (tangent) {
       const Mat3 by_delta = rel.gamma_inverse * skew(turning) + by_theta * rel.gamma_inverse;
       theta_by_phi2 = by_delta * Rr.transpose();
@@ -226,19 +243,13 @@ void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tange
     const auto [rotation, velocity, i] = rows_[k];
     const int row = first_ + static_cast<int>(k);
     if (!rotation) {
-      const Vec3 e = R.col(i);
-      if (!velocity) out.rate(row) += e.dot(u) - drive_rate(i);
-      out.bias(row) += n1.w.cross(e).dot(u) + e.dot(udot) - (velocity ? drive_rate(i) : drive_second(i));
-      if (tangent) {
-        const Vec3 ew1 = e.cross(n1.w);
-        add_row(out.rate_q, row, x1, ew1);
-        add_row(out.rate_q, row, x2, -ew1);
-        add_row(out.rate_q, row, g1, e.cross(u));
-        add_row(out.rate_q, row, g2, b2.cross(e.cross(w21)));
-      }
+      const Vec3 e = at.R.col(i);
+      if (!velocity) out.rate(row) += e.dot(at.u) - drive_rate(i);
+      out.bias(row) += w1.cross(e).dot(at.u) + e.dot(u_rate) - (velocity ? drive_rate(i) : drive_second(i));
+      if (tangent) add_rate_row(out.rate_q, row, e, at);
     } else if (velocity) {
       const Vec3 e = Rr.col(i);
-      out.bias(row) += n1.w.cross(e).dot(w21) - rotation_drive_.at(state.t, 1)(i);
+      out.bias(row) += w1.cross(e).dot(w21) - rotation_drive_.at(state.t, 1)(i);
       if (tangent) add_row(out.rate_q, row, g1, e.cross(w21));
     } else {
       out.rate(row) += theta_rate(i);

@@ -41,10 +41,14 @@ class TotalConstraint final : public Constraint {
   int active_rotations() const { return active_rotations_; }
 
  private:
+  struct Offset;    // of the point of node 2, and its motion
   struct Relative;  // the relative rotation and what belongs to it
 
   void add_rows(const std::array<TotalComponent, 3>& position, const std::array<TotalComponent, 3>& rotation);
+  Offset offset(const State& state) const;
   Relative relative_rotation(const State& state) const;
+  /// Derivative of the rate of a position component, e . u, by positions and rotations.
+  void add_rate_row(Eigen::MatrixXd& A, int row, const Vec3& e, const Offset& at) const;
 
   NodeSlot node1_, node2_;
   Vec3 f2_ = Vec3::Zero();      ///< point in node 2

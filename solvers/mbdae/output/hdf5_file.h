@@ -125,6 +125,15 @@ class Hdf5File {
   Hdf5Group root_;
 };
 
+/// One member of every element of a list, for a dataset: column(model.dofs, &UnknownInfo::name).
+template <typename Item, typename Value>
+std::vector<Value> column(const std::vector<Item>& items, Value Item::*member) {
+  std::vector<Value> values;
+  values.reserve(items.size());
+  for (const Item& item : items) values.push_back(item.*member);
+  return values;
+}
+
 /// Reads the one-dimensional dataset `y` of a matrices file. Throws FileError saying what is wrong with the file.
 Eigen::VectorXd read_state(const std::string& path);
 

@@ -12,15 +12,6 @@ namespace {
 
 constexpr std::array<int, 2> kVersion{1, 0};  // of the format; bump together with the page
 
-/// One member of every element of a list: column(model.dofs, &UnknownInfo::name).
-template <typename Item, typename Value>
-std::vector<Value> column(const std::vector<Item>& items, Value Item::*member) {
-  std::vector<Value> values;
-  values.reserve(items.size());
-  for (const Item& item : items) values.push_back(item.*member);
-  return values;
-}
-
 /// A vector or matrix member of every node, row-major, with its dimensions.
 template <typename Value>
 void node_dataset(Hdf5Group& group, const std::string& name, const std::vector<NodeState>& nodes,
@@ -40,10 +31,7 @@ void node_dataset(Hdf5Group& group, const std::string& name, const std::vector<N
 
 void fill(Hdf5File& file, const LinearisedModel& model, const Provenance& provenance) {
   Hdf5Group& root = file.root();
-  root.attribute("filetype", "pilotgen matrices");
-  root.attribute("version", kVersion);
-  root.attribute("solver", provenance.solver);
-  root.attribute("deck_sha256", provenance.deck_sha256);
+  write_header(root, "pilotgen matrices", kVersion, provenance);
   root.attribute("analysis", model.analysis);
   root.dataset("c", model.c);
   root.dataset("time", model.time);

@@ -16,10 +16,7 @@ void write_motion_file(const std::string& path, const Motion& motion, const Inte
   Hdf5File file(8 * (motion.time.size() + static_cast<std::size_t>(motion.data.size())) + 65536);
 
   Hdf5Group& root = file.root();
-  root.attribute("filetype", "pilotgen motion");
-  root.attribute("version", kVersion);
-  root.attribute("solver", provenance.solver);
-  root.attribute("deck_sha256", provenance.deck_sha256);
+  write_header(root, "pilotgen motion", kVersion, provenance);
   root.attribute("integrator", integration.integrator);
   root.attribute("rtol", integration.rtol);
   root.attribute("atol", integration.atol);
@@ -28,14 +25,9 @@ void write_motion_file(const std::string& path, const Motion& motion, const Inte
                                                 static_cast<std::uint64_t>(motion.data.cols())};
   root.dataset("data", std::span(motion.data.data(), static_cast<std::size_t>(motion.data.size())), dimensions);
 
-  std::vector<std::string> names, units;
-  for (const InputInfo& channel : motion.channels) {
-    names.push_back(channel.name);
-    units.push_back(channel.unit);
-  }
   Hdf5Group channels = root.group("channels");
-  channels.dataset("name", names);
-  channels.dataset("unit", units);
+  channels.dataset("name", column(motion.channels, &InputInfo::name));
+  channels.dataset("unit", column(motion.channels, &InputInfo::unit));
 
   file.save(path);
 }

@@ -8,6 +8,14 @@
 
 namespace mbdae {
 
+void write_header(Hdf5Group& root, const std::string& filetype, const std::array<int, 2>& version,
+                  const Provenance& provenance) {
+  root.attribute("filetype", filetype);
+  root.attribute("version", version);
+  root.attribute("solver", provenance.solver);
+  root.attribute("deck_sha256", provenance.deck_sha256);
+}
+
 std::string sha256_hex(std::string_view text) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned int size = 0;
