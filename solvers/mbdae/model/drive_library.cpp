@@ -15,20 +15,22 @@ Jet RampDrive::at(double t) const {
 
 Jet StepDrive::at(double t) const { return {t < start_ ? initial_ : initial_ + amplitude_, 0.0, 0.0}; }
 
-Jet SineDrive::at(double t) const {
+Jet WaveDrive::at(double t) const {
   const double tau = t - start_;
   if (tau < 0.0) return {initial_, 0.0, 0.0};
-  if (tau >= duration_) return {initial_ + amplitude_ * std::sin(w_ * duration_), 0.0, 0.0};
-  const double s = std::sin(w_ * tau), c = std::cos(w_ * tau);
-  return {initial_ + amplitude_ * s, amplitude_ * w_ * c, -amplitude_ * w_ * w_ * s};
+  if (tau >= duration_) return {initial_ + wave(duration_).value, 0.0, 0.0};
+  const Jet jet = wave(tau);
+  return {initial_ + jet.value, jet.rate, jet.second};
 }
 
-Jet CosineDrive::at(double t) const {
-  const double tau = t - start_;
-  if (tau < 0.0) return {initial_, 0.0, 0.0};
-  if (tau >= duration_) return {initial_ + amplitude_ * (1.0 - std::cos(w_ * duration_)), 0.0, 0.0};
+Jet SineDrive::wave(double tau) const {
   const double s = std::sin(w_ * tau), c = std::cos(w_ * tau);
-  return {initial_ + amplitude_ * (1.0 - c), amplitude_ * w_ * s, amplitude_ * w_ * w_ * c};
+  return {amplitude_ * s, amplitude_ * w_ * c, -amplitude_ * w_ * w_ * s};
+}
+
+Jet CosineDrive::wave(double tau) const {
+  const double s = std::sin(w_ * tau), c = std::cos(w_ * tau);
+  return {amplitude_ * (1.0 - c), amplitude_ * w_ * s, amplitude_ * w_ * w_ * c};
 }
 
 Jet SumDrive::at(double t) const {

@@ -38,27 +38,34 @@ class StepDrive final : public Drive {
   double start_, amplitude_, initial_;
 };
 
-/// v0 + A sin(w (t - start)) between start and end, v0 before, the last value afterwards.
-class SineDrive final : public Drive {
+/// v0 + wave(t - start) between start and start + duration, v0 before, the last value afterwards.
+class WaveDrive : public Drive {
  public:
-  /// w [rad/s]; `duration` [s] may be infinite.
-  SineDrive(double start, double w, double amplitude, double duration, double initial)
-      : start_(start), w_(w), amplitude_(amplitude), duration_(duration), initial_(initial) {}
-  Jet at(double t) const override;
+  /// w [rad/s]; start and duration [s], which may be infinite.
+  WaveDrive(double start, double w, double amplitude, double duration, double initial)
+      : w_(w), amplitude_(amplitude), start_(start), duration_(duration), initial_(initial) {}
+  Jet at(double t) const final;
+
+ protected:
+  double w_, amplitude_;
 
  private:
-  double start_, w_, amplitude_, duration_, initial_;
+  /// The wave `tau` [s] after its start, from zero.
+  virtual Jet wave(double tau) const = 0;
+
+  double start_, duration_, initial_;
 };
 
-/// v0 + A (1 - cos(w (t - start))) between start and end, v0 before, the last value afterwards.
-class CosineDrive final : public Drive {
- public:
-  CosineDrive(double start, double w, double amplitude, double duration, double initial)
-      : start_(start), w_(w), amplitude_(amplitude), duration_(duration), initial_(initial) {}
-  Jet at(double t) const override;
+/// wave = A sin(w tau)
+class SineDrive final : public WaveDrive {
+  using WaveDrive::WaveDrive;
+  Jet wave(double tau) const override;
+};
 
- private:
-  double start_, w_, amplitude_, duration_, initial_;
+/// wave = A (1 - cos(w tau))
+class CosineDrive final : public WaveDrive {
+  using WaveDrive::WaveDrive;
+  Jet wave(double tau) const override;
 };
 
 /// The sum of drives (`array`).
