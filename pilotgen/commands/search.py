@@ -163,7 +163,9 @@ def search_study(
     generation = 0
 
     def show(milestone: bool = False) -> None:
-        line.update(progress_text(study, campaign, generation, best, line.time_left(campaign.tally.done)), milestone)
+        left = line.time_left(campaign.tally.done)
+        if line.due(milestone):
+            line.update(progress_text(study, campaign, generation, best, left), milestone)
 
     def on_result(result: Mapping[str, Any]) -> None:
         if result["status"] == "ok":
@@ -205,6 +207,8 @@ SHORT_NAMES = {"gain_margin_db": ("GM", "dB"), "phase_margin_deg": ("PM", "deg")
 
 def progress_text(study: Study, campaign: Campaign, generation: int, best: Sequence[float], left: str) -> str:
     """`generation 3/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | 0:12 left`."""
+    from pilotgen.progress import counted
+
     tally = campaign.tally
     margins = ", ".join(
         margin_word(name, value)
@@ -214,7 +218,7 @@ def progress_text(study: Study, campaign: Campaign, generation: int, best: Seque
     served = f" ({tally.served} from the journal)" if tally.served else ""
     parts = [
         f"generation {generation + 1}/{study.search.generations}",
-        f"{tally.done} evaluations{served}, {tally.failed} failed",
+        f"{counted(tally.done, 'evaluation')}{served}, {tally.failed} failed",
         f"smallest {margins}" if margins else "",
         f"at most {left} left" if left else "",
     ]

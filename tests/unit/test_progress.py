@@ -14,7 +14,7 @@ import termios
 
 import pytest
 
-from pilotgen.progress import ProgressLine, format_duration
+from pilotgen.progress import ProgressLine, counted, format_duration
 
 LONG = "generation 1/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | at most 0:12 left"
 
@@ -44,12 +44,29 @@ def test_quiet() -> None:
     assert stream.getvalue() == ""
 
 
-def test_time_left_is_proportional() -> None:
-    line = ProgressLine(4, io.StringIO())
-    line._start -= 30.0
+def test_time_left_is_proportional_from_the_first_result_on() -> None:
+    line = ProgressLine(5, io.StringIO())
     assert line.time_left(0) == ""
-    assert line.time_left(1) == "1:30"
-    assert line.time_left(4) == "0:00"
+    assert line.time_left(1) == "", "no pace yet; what came before was getting started"
+    assert line._begin is not None
+    line._begin = line._begin[0] - 30.0, 1
+    assert line.time_left(2) == "1:30"
+    assert line.time_left(5) == "0:00"
+
+
+def test_due_says_what_update_does() -> None:
+    stream = io.StringIO()
+    line = ProgressLine(10, stream)
+    assert line.due() and line.due(milestone=True)
+    line.update("first")
+    assert not line.due() and line.due(milestone=True)
+    line.update("second")
+    assert stream.getvalue() == "first\n"
+    assert not ProgressLine(10, stream, quiet=True).due(milestone=True)
+
+
+def test_counts() -> None:
+    assert [counted(n, "pilot") for n in (0, 1, 2)] == ["0 pilots", "1 pilot", "2 pilots"]
 
 
 def on_terminal(columns: int, *texts: str) -> str:
