@@ -11,25 +11,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Protocol
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit, Inceptor
-from pilotgen.errors import FileError
+from pilotgen.deck_text import hinge_frame, matrix, number, pose_text, template, vector
 from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, forward
 from pilotgen.limb import Limb, Muscle, Segment
 from pilotgen.posture import Posture, PostureGuess, ergonomics
-from pilotgen.skeleton import Skeletons
 
 GRAVITY_M_PER_S2 = 9.81
 TIME_STEP_S = 1e-3
-ROUNDING = 1e-15  # below this a component of a unit vector is the rounding error of a zero
 _MIRROR_OUTER = np.outer(MIRROR, MIRROR)
 
 
@@ -51,74 +46,6 @@ class ActivationValues(Protocol):
     @property
     def values(self) -> np.ndarray:
         """(muscles,)."""
-
-
-# ---- templates -------------------------------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=1)
-def template_directory() -> Path:
-    """Where the templates are: in the installed package, or beside it in a source tree."""
-    package = Path(__file__).resolve().parent
-    for directory in (package / "templates", package.parent / "templates"):
-        if (directory / "pilot.mbd.j2").is_file():
-            return directory
-    raise FileError(
-        f"the deck templates are neither in {package / 'templates'} nor in {package.parent / 'templates'}; "
-        "install pilotgen again"
-    )
-
-
-@lru_cache(maxsize=4)
-def _template(name: str) -> Skeletons:
-    environment = Environment(
-        loader=FileSystemLoader(template_directory()),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        auto_reload=False,
-        autoescape=False,
-    )
-    return Skeletons(environment.get_template(name))
-
-
-# ---- numbers as text -------------------------------------------------------------------------------------------------
-
-
-def number(value: float) -> str:
-    """A number as a deck has it: shortest text that reads back the same, always with a point or an exponent."""
-    if value - value != 0.0:
-        raise ValueError(f"{value!r} has no place in a deck")
-    return repr(float(value) + 0.0)  # no -0.0
-
-
-def vector(values: np.ndarray) -> str:
-    """Three numbers."""
-    text = repr((values + 0.0).tolist())[1:-1]  # as `number`, all at once
-    if "n" in text:  # nan, inf
-        raise ValueError(f"{text} have no place in a deck")
-    return text
-
-
-def _direction(v: np.ndarray) -> str:
-    """A unit vector; what is left of a zero by rounding is printed as zero."""
-    return ", ".join("0.0" if abs(x) < ROUNDING else number(x) for x in v.tolist())
-
-
-def _matrix(R: np.ndarray) -> str:
-    """An orientation, a row a line."""
-    return "matr,\n\t\t\t" + ",\n\t\t\t".join(map(_direction, R))
-
-
-def _hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> str:
-    first, second = f"{index}, {_direction(axis)}", f"{guess_index}, {_direction(guess)}"
-    return f"{first}, {second}" if len(first) + len(second) < 100 else f"{first},\n\t\t\t\t{second}"
-
-
-def _pose_text(pose: Pose) -> SimpleNamespace:
-    R1, R2, R3 = map(_direction, pose[1])
-    return SimpleNamespace(x=vector(pose[0]), R1=R1, R2=R2, R3=R3)
 
 
 # ---- what a template knows about a control and an arm ----------------------------------------------------------------
@@ -172,15 +99,15 @@ def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, P
         control=control,
         **{name: f"{name.upper()}_{S}" for name in SEGMENTS},
         GH=vector(torso[0]),
-        poses=[(f"{name.upper()}_{S}", _pose_text(poses[f"{name}_{SUFFIX[limb.side]}"])) for name in SEGMENTS],
+        poses=[(f"{name.upper()}_{S}", pose_text(poses[f"{name}_{SUFFIX[limb.side]}"])) for name in SEGMENTS],
         HU=_IN_NODE + vector(limb.HU_in_humerus),
         HR=_IN_NODE + vector(limb.HR_in_humerus),
         UH=_IN_NODE + vector(limb.UH_in_radius),
         W=_IN_NODE + vector(limb.W_in_radius),
-        elbow_on_humerus=_IN_NODE + _hinge_frame(limb.elbow_axis_in_humerus, 3, x_axis, 1),
-        elbow_on_ulna=_IN_NODE + _hinge_frame(limb.elbow_axis_in_ulna, 3, x_axis, 1),
-        wrist_on_radius=_IN_NODE + _hinge_frame(limb.wrist_flexion_axis_in_radius, 3, deviation_in_radius, 2),
-        wrist_on_hand=_IN_NODE + _hinge_frame(np.array([0.0, 0.0, 1.0]), 3, limb.wrist_deviation_axis_in_hand, 2),
+        elbow_on_humerus=_IN_NODE + hinge_frame(limb.elbow_axis_in_humerus, 3, x_axis, 1),
+        elbow_on_ulna=_IN_NODE + hinge_frame(limb.elbow_axis_in_ulna, 3, x_axis, 1),
+        wrist_on_radius=_IN_NODE + hinge_frame(limb.wrist_flexion_axis_in_radius, 3, deviation_in_radius, 2),
+        wrist_on_hand=_IN_NODE + hinge_frame(np.array([0.0, 0.0, 1.0]), 3, limb.wrist_deviation_axis_in_hand, 2),
         grip_on_control=_IN_NODE + along,
         grip_in_hand=_IN_NODE + vector(limb.grip_in_hand),
     )
@@ -278,7 +205,7 @@ def render_posture(body: Body, cockpit: Cockpit, guess: PostureGuess) -> str:
         arm.labels += [(f"{name}_{arm.S}", base + i) for i, name in enumerate(_SPRINGS, start=1)]
         arm.__dict__.update(_spring_frames(limb, inceptor, cockpit.torso[side]))
         arms.append(arm)
-    return _template("posture.mbd.j2").render(
+    return template("posture.mbd.j2").render(
         purpose="posture.mbd - how the pilot holds the controls: equilibrium of ergonomic springs, without gravity.",
         pilot=_pilot_lines(body, cockpit),
         counts=_counts(len(arms), 0, springs=True),
@@ -334,11 +261,11 @@ def _spring_frames(limb: Limb, inceptor: Inceptor, torso: Pose) -> dict[str, tup
         frames[joint] = (R[first].T @ world if first else world, on_second[joint])
     left = limb.side == "left"
     texts = {
-        f"{joint}_spring": tuple(_IN_NODE + _matrix(M * _MIRROR_OUTER if left else M) for M in pair)
+        f"{joint}_spring": tuple(_IN_NODE + matrix(M * _MIRROR_OUTER if left else M) for M in pair)
         for joint, pair in frames.items()
     }
     hand = e.hand_handle * _MIRROR_OUTER if left else e.hand_handle
-    texts["grip_spring"] = (_IN_NODE + _matrix(inceptor.handle), _IN_NODE + _matrix(hand))
+    texts["grip_spring"] = (_IN_NODE + matrix(inceptor.handle), _IN_NODE + matrix(hand))
     return texts  # type: ignore[return-value]
 
 
@@ -492,7 +419,7 @@ def _render_pilot(
                 SimpleNamespace(**text.__dict__, x=x, activation=number(a), length=number(length_m), check=check)
             )
         arms.append(SimpleNamespace(**{**arm.__dict__, "muscles": muscles, "activation_comment": activation_comment}))
-    return _template("pilot.mbd.j2").render(
+    return template("pilot.mbd.j2").render(
         purpose=purpose,
         pilot=[*_pilot_lines(body, cockpit), *_posture_lines(posture)],
         analysis=analysis,

@@ -466,13 +466,13 @@ def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -
     program.
     """
     check_cockpit(study.cockpit, study.where)  # like a missing solver, found out before anything is written
-    import pilotgen.deck
+    from pilotgen.deck_text import template_directory
 
     digest = hashlib.sha256()
     digest.update(f"pilotgen {__version__}\n{solver}\n{study.canonical()}\n".encode())
     package = Path(__file__).parent
     files = sorted(path for pattern in ("*.py", "data/*.yaml") for path in package.glob(pattern))
-    files += sorted(Path(pilotgen.deck.template_directory()).glob("*.j2"))
+    files += sorted(template_directory().glob("*.j2"))
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     if study.pilot.model == "multibody":

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pilotgen.deck import number, render_direct
+from pilotgen.deck import render_direct
+from pilotgen.deck_text import number
 from pilotgen.descriptor import Complexes, Floats
 from pilotgen.errors import EvaluationError, FileError, MatrixError
 from pilotgen.files import write_text

@@ -13,6 +13,7 @@ import pytest
 from jinja2 import UndefinedError
 
 from pilotgen import deck as decks
+from pilotgen import deck_text
 from pilotgen.biometrics import Biometrics
 from pilotgen.body import SEGMENTS, make_body
 from pilotgen.cockpit import make_cockpit
@@ -230,7 +231,7 @@ def test_the_left_arm_of_two_is_the_left_arm_of_one() -> None:
 
 
 def test_a_template_that_asks_for_an_unknown_name_fails() -> None:
-    template = decks._template("posture.mbd.j2")
+    template = deck_text.template("posture.mbd.j2")
     with pytest.raises(UndefinedError, match="pilot"):
         template.render(purpose="x")
 
@@ -238,10 +239,14 @@ def test_a_template_that_asks_for_an_unknown_name_fails() -> None:
 def test_numbers_that_are_none_are_refused() -> None:
     for value in (float("nan"), float("inf")):
         with pytest.raises(ValueError, match="no place in a deck"):
-            decks.number(value)
-    assert decks.number(1.0) == "1.0"
-    assert decks.number(1e-7) == "1e-07"
-    assert float(decks.number(0.1 + 0.2)) == 0.1 + 0.2
+            deck_text.number(value)
+        with pytest.raises(ValueError, match="no place in a deck"):
+            deck_text.vector(np.array([1.0, value, 0.0]))
+    assert deck_text.number(1.0) == "1.0"
+    assert deck_text.number(1e-7) == "1e-07"
+    assert float(deck_text.number(0.1 + 0.2)) == 0.1 + 0.2
+    values = np.array([-0.0, 0.1 + 0.2, -1e-7])
+    assert deck_text.vector(values) == ", ".join(map(deck_text.number, values.tolist()))
 
 
 def test_full_inertia_is_written_row_by_row() -> None:

@@ -1,0 +1,91 @@
+"""Templates and numbers of decks as text: where the templates are, and how a number, a vector or a frame is printed.
+
+Numbers are printed with the fewest digits (17 at most) that give the same number back when read.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from pilotgen.errors import FileError
+from pilotgen.kinematics import Pose
+from pilotgen.skeleton import Skeletons
+
+ROUNDING = 1e-15  # below this a component of a unit vector is the rounding error of a zero
+
+# ---- templates -------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=1)
+def template_directory() -> Path:
+    """Where the templates are: in the installed package, or beside it in a source tree."""
+    package = Path(__file__).resolve().parent
+    for directory in (package / "templates", package.parent / "templates"):
+        if (directory / "pilot.mbd.j2").is_file():
+            return directory
+    raise FileError(
+        f"the deck templates are neither in {package / 'templates'} nor in {package.parent / 'templates'}; "
+        "install pilotgen again"
+    )
+
+
+@lru_cache(maxsize=4)
+def template(name: str) -> Skeletons:
+    """A template by its file name, read once."""
+    environment = Environment(
+        loader=FileSystemLoader(template_directory()),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        auto_reload=False,
+        autoescape=False,
+    )
+    return Skeletons(environment.get_template(name))
+
+
+# ---- numbers as text -------------------------------------------------------------------------------------------------
+
+
+def number(value: float) -> str:
+    """A number as a deck has it: shortest text that reads back the same, always with a point or an exponent."""
+    if value - value != 0.0:
+        raise ValueError(f"{value!r} has no place in a deck")
+    return repr(float(value) + 0.0)  # no -0.0
+
+
+def vector(values: np.ndarray) -> str:
+    """Three numbers."""
+    text = repr((values + 0.0).tolist())[1:-1]  # as `number`, all at once
+    if "n" in text:  # nan, inf
+        raise ValueError(f"{text} have no place in a deck")
+    return text
+
+
+def direction(v: np.ndarray) -> str:
+    """A unit vector; what is left of a zero by rounding is printed as zero."""
+    return ", ".join("0.0" if abs(x) < ROUNDING else number(x) for x in v.tolist())
+
+
+def matrix(R: np.ndarray) -> str:
+    """An orientation, a row a line."""
+    return "matr,\n\t\t\t" + ",\n\t\t\t".join(map(direction, R))
+
+
+def hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> str:
+    """An orientation by two of its axes, as a hinge card has it."""
+    first, second = f"{index}, {direction(axis)}", f"{guess_index}, {direction(guess)}"
+    return f"{first}, {second}" if len(first) + len(second) < 100 else f"{first},\n\t\t\t\t{second}"
+
+
+def pose_text(pose: Pose) -> SimpleNamespace:
+    """Position `x` and the rows `R1`, `R2`, `R3` of the orientation."""
+    R1, R2, R3 = map(direction, pose[1])
+    return SimpleNamespace(x=vector(pose[0]), R1=R1, R2=R2, R3=R3)
