@@ -355,7 +355,7 @@ def _hidden(found: Identification) -> list[str]:
 
 
 def write_identification(found: Identification, path: str | os.PathLike[str]) -> None:
-    """Write the responses as HDF5 (docs/theory/virtual_test.md names the datasets); FileError if that fails."""
+    """Write the responses as HDF5 (docs/io_formats/identification.md); FileError if that fails."""
     import h5py
 
     try:
