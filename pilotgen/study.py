@@ -301,6 +301,11 @@ def _nominal(value: Value, model: str) -> dict[str, float]:
         if value.data not in MAYO_PRESETS:
             raise value.error(f"is no pilot that Mayo measured; choose one of: {', '.join(MAYO_PRESETS)}")
         return dict(MAYO_PRESETS[value.data])
+    if isinstance(value.data, str):
+        raise value.error(
+            "is no multibody pilot; give {age_years, stature_m, and mass_kg or bmi}"
+            + (", or pilot.model: mayo, which knows pilots by that name" if value.data in MAYO_PRESETS else "")
+        )
     names = _pilot_variables(value, model)
     return {name: VARIABLES[name].read(value.child(name)) for name in names}
 

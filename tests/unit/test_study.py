@@ -275,7 +275,8 @@ MISTAKES = [
     (
         "{age_years: 40, bmi: 24, stature_m: 1.775}",
         "mesomorphic",
-        "s.yaml:10: nominal = 'mesomorphic' is not a mapping; a mapping with the keys age_years, stature_m is wanted",
+        "s.yaml:10: nominal = 'mesomorphic' is no multibody pilot; give {age_years, stature_m, and mass_kg or bmi}, "
+        "or pilot.model: mayo, which knows pilots by that name",
     ),
     (
         "{lever_length_m: 0.32, gearing_rad_per_m: 1.1, position: 0.5}",
