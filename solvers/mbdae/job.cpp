@@ -2,7 +2,6 @@
 #include "mbdae/job.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -67,15 +66,8 @@ std::string deck_hash(std::string text, const Deck& deck) {
 void check_output_directory(const std::string& path) {
   const fs::path parent = fs::path(path).parent_path();
   const std::string directory = parent.empty() ? "." : parent.string();
-  struct stat status {};
-  int error = 0;
-  if (::stat(directory.c_str(), &status) != 0) {
-    error = errno;
-  } else if (!S_ISDIR(status.st_mode)) {
-    error = ENOTDIR;
-  } else if (::access(directory.c_str(), W_OK) != 0) {
-    error = errno;
-  }
+  const std::string inside = directory + "/.";  // so that a plain file is refused, too
+  const int error = ::access(inside.c_str(), W_OK) == 0 ? 0 : errno;
   if (error != 0) {
     throw FileError("cannot write '" + path + "': directory '" + directory + "': " + std::strerror(error));
   }

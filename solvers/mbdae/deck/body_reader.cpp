@@ -27,7 +27,7 @@ void check_inertia(Input& input, const SourcePosition& where, const Mat3& J) {
     input.fail(where, "the inertia matrix is not symmetric");
   }
   const Eigen::SelfAdjointEigenSolver<Mat3> solver(0.5 * (J + J.transpose()), Eigen::EigenvaluesOnly);
-  const Vec3 moments = solver.eigenvalues();  // ascending
+  const Vec3& moments = solver.eigenvalues();  // ascending
   if (!(moments(0) >= -kRoundOff * scale)) {
     input.fail(where, "the inertia matrix has a negative principal moment, " + number_text(moments(0)) + " kg m^2");
   }

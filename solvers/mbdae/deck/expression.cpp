@@ -127,7 +127,7 @@ int ExpressionParser::add(ExpressionNode node, int first, int second) {
     diagnostics_.fail(node.where, "expression with more than " + std::to_string(kHighestTree) +
                                       " operations in a row: split it with `set:`");
   }
-  out_.nodes.push_back(std::move(node));
+  out_.nodes.push_back(node);
   return static_cast<int>(out_.nodes.size()) - 1;
 }
 
@@ -202,7 +202,7 @@ int ExpressionParser::statement(int depth) {
     }
     node.index = symbols_.add(std::move(variable));
   }
-  return add(std::move(node), initial);
+  return add(node, initial);
 }
 
 int ExpressionParser::assignment(int depth) {
@@ -218,7 +218,7 @@ int ExpressionParser::assignment(int depth) {
   ExpressionNode node;
   node.op = Op::assign;
   node.where = token.where;
-  return add(std::move(node), left, right);
+  return add(node, left, right);
 }
 
 int ExpressionParser::binary(int level, int depth) {
@@ -237,7 +237,7 @@ int ExpressionParser::binary(int level, int depth) {
     node.where = token.where;
     tokens_.take();
     const int right = binary(level + 1, depth);
-    left = add(std::move(node), left, right);
+    left = add(node, left, right);
   }
 }
 
@@ -249,7 +249,7 @@ int ExpressionParser::power(int depth) {
   node.op = Op::power;
   node.where = tokens_.take().where;
   const int exponent = power(depth + 1);
-  return add(std::move(node), base, exponent);
+  return add(node, base, exponent);
 }
 
 int ExpressionParser::unary(int depth) {
@@ -261,7 +261,7 @@ int ExpressionParser::unary(int depth) {
     node.where = token.where;
     tokens_.take();
     const int operand = unary(depth + 1);
-    return add(std::move(node), operand);
+    return add(node, operand);
   }
   return primary(depth);
 }
@@ -278,7 +278,7 @@ int ExpressionParser::number() {
       diagnostics_.fail(token.where, "the integer " + quoted(token.text) + " is larger than INT_MAX = 2147483647 " +
                                          "(write it with a point for a real)");
     }
-    return add(std::move(node));
+    return add(node);
   }
   node.op = Op::real;
   node.type = Type::real;
@@ -287,7 +287,7 @@ int ExpressionParser::number() {
     node.real = std::strtod(std::string(token.text).c_str(), nullptr);
     if (!std::isfinite(node.real)) diagnostics_.fail(token.where, "the number " + quoted(token.text) + " is too large");
   }
-  return add(std::move(node));
+  return add(node);
 }
 
 int ExpressionParser::primary(int depth) {
@@ -302,7 +302,7 @@ int ExpressionParser::primary(int depth) {
     node.index = static_cast<std::uint32_t>(out_.texts.size());
     out_.texts.push_back(unescaped(token.text));
     tokens_.take();
-    return add(std::move(node));
+    return add(node);
   }
   if (!token.is("("))
     diagnostics_.fail(token.where, "found " + described(token) + ", expected a number or an expression");
@@ -322,7 +322,7 @@ int ExpressionParser::primary(int depth) {
   expect(")");
   if (last == first && out_.nodes[static_cast<std::size_t>(first)].op != Op::variable) return first;
   node.height = height + 1;
-  const int sequence = add(std::move(node));
+  const int sequence = add(node);
   out_.nodes[static_cast<std::size_t>(sequence)].first = first;
   return sequence;
 }
@@ -343,7 +343,7 @@ int ExpressionParser::name(int depth) {
   if (const auto symbol = symbols_.find(token.text)) {
     node.op = Op::variable;
     node.index = *symbol;
-    return add(std::move(node));
+    return add(node);
   }
   const bool time = token.text == "Time", step = token.text == "TimeStep", argument = token.text == "Var";
   if (time || step || argument) {
@@ -352,7 +352,7 @@ int ExpressionParser::name(int depth) {
                                          "`string` drive");
     }
     node.op = time ? Op::time : step ? Op::time_step : Op::argument;
-    return add(std::move(node));
+    return add(node);
   }
   if (token.text == "Step") diagnostics_.fail(token.where, "not supported: the run-time variable `Step`");
   unknown_name(token);
@@ -375,7 +375,7 @@ int ExpressionParser::model_namespace(const Token& token) {
   ExpressionNode node;
   node.op = Op::model_current;
   node.where = token.where;
-  return add(std::move(node));
+  return add(node);
 }
 
 int ExpressionParser::call(const Token& token, int depth) {
@@ -417,7 +417,7 @@ int ExpressionParser::call(const Token& token, int depth) {
                           (info->most > info->least ? " or " + std::to_string(info->most) : std::string()) +
                           (info->most == 1 ? " argument, not " : " arguments, not ") + std::to_string(count));
   }
-  const int index = add(std::move(node));
+  const int index = add(node);
   out_.nodes[static_cast<std::size_t>(index)].first = first;
   return index;
 }

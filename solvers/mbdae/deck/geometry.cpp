@@ -126,7 +126,7 @@ enum class FrameKind { standard, global, node, label, other_position, other_orie
 
 struct FrameChoice {
   FrameKind kind = FrameKind::standard;
-  Frame frame;
+  Frame frame;  ///< of the label, or of the other node
   SourcePosition where;
 };
 
@@ -176,6 +176,7 @@ FrameChoice read_frame_choice(Context& context, const Place& place) {
   if (place.other == nullptr) {
     input.fail(choice.where, "there is no other node here: the frames `other ...` are for the second node of a joint");
   }
+  choice.frame = *place.other;
   return choice;
 }
 
@@ -192,11 +193,10 @@ Mat3 axes_of(Context& context, const FrameChoice& choice, const Place& place) {
     case FrameKind::global:
       return Mat3::Identity();
     case FrameKind::label:
-      return choice.frame.R;
     case FrameKind::other_node:
-      return place.other->R;
+      return choice.frame.R;
     case FrameKind::other_orientation:
-      if (place.other_orientation != nullptr) return place.other->R * *place.other_orientation;
+      if (place.other_orientation != nullptr) return choice.frame.R * *place.other_orientation;
       [[fallthrough]];
     default:
       wrong_frame(context, choice, "`other orientation` or `other node`");
@@ -280,14 +280,12 @@ Vec3 read_position(Context& context, const Place& place) {
   Vec3 x = p;  // global
   switch (choice.kind) {
     case FrameKind::label:
+    case FrameKind::other_node:
       x = choice.frame.x + choice.frame.R * p;
       break;
     case FrameKind::other_position:
       if (place.other_position == nullptr) wrong_frame(context, choice, "`other node`");
-      x = place.other->x + place.other->R * (*place.other_position + p);
-      break;
-    case FrameKind::other_node:
-      x = place.other->x + place.other->R * p;
+      x = choice.frame.x + choice.frame.R * (*place.other_position + p);
       break;
     case FrameKind::other_orientation:
       wrong_frame(context, choice, "`other position` or `other node`");
