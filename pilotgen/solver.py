@@ -374,8 +374,10 @@ def _end_process(process: subprocess.Popen[bytes], owner_pid: int) -> None:
         process.wait(timeout=0.2)
     except subprocess.TimeoutExpired:
         process.kill()
-        with suppress(subprocess.TimeoutExpired):  # in a signal handler, the code it interrupted may hold wait's lock
-            process.wait(timeout=2.0)
+        # A worker that is told to end does this in a signal handler. The code that was interrupted may hold the lock
+        # that `wait` wants, and never let go of it: so not for ever.
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=0.5)
 
 
 def signal_name(number: int) -> str:

@@ -242,6 +242,19 @@ print(client.pid, flush=True)
     assert wait_until_gone(int(done.stdout))
 
 
+def test_a_client_can_be_closed_in_a_signal_handler_that_interrupted_a_wait(tmp_path: Path) -> None:
+    client = SolverClient(fake(tmp_path, "answer(reply)"))
+    client.request("version")
+    pid, running = client.pid, client._running
+    assert pid is not None and running is not None
+    running.process._waitpid_lock.acquire()  # type: ignore[attr-defined]  # as `poll` does, and never comes back
+    start = time.monotonic()
+    client.close()
+    assert time.monotonic() - start < 5.0
+    running.process._waitpid_lock.release()  # type: ignore[attr-defined]
+    assert running.process.wait(timeout=5.0) is not None
+
+
 # ---- finding -----------------------------------------------------------------------------------------------------
 
 
