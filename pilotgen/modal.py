@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices, Numbers
 from pilotgen.errors import MatrixError
@@ -221,7 +222,8 @@ class _RangeSolver:
     def solve(self, b: Numbers) -> Numbers:
         rank = len(self.R)
         x = np.zeros((self.size, *b.shape[1:]), dtype=b.dtype)
-        x[self.pivots[:rank]] = scipy.linalg.solve_triangular(self.R, self.Q.T @ b, check_finite=False)
+        if rank:
+            x[self.pivots[:rank]] = _solve_triangular(self.R, self.Q.T @ b)
         return x
 
 
@@ -230,23 +232,36 @@ def _null_space(G: Floats) -> tuple[Floats, _RangeSolver]:
     n_rows, n = G.shape
     if n_rows == 0:
         return np.eye(n), _RangeSolver(np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0, dtype=np.intp), 0)
-    Q, R, pivots = scipy.linalg.qr(G.T, pivoting=True, check_finite=False)
-    rank = _rank(R)
-    return Q[:, rank:], _RangeSolver(Q[:, :rank], R[:rank, :rank], pivots, n_rows)
+    factors, pivots, tau, rank = _pivoted_qr(G.T)
+    whole = np.zeros((n, n), order="F")
+    whole[:, : len(tau)] = factors[:, : len(tau)]
+    Q, _, _ = lapack.dorgqr(whole, tau, overwrite_a=1)
+    return Q[:, rank:], _RangeSolver(Q[:, :rank], np.triu(factors[:rank, :rank]), pivots, n_rows)
 
 
-def _rank(R: Floats) -> int:
-    """Rank from the triangle of a QR factorisation with column pivoting."""
-    diagonal = np.abs(np.diagonal(R))
-    return int(np.count_nonzero(diagonal > _RANK_TOLERANCE * diagonal[0]))
+def _pivoted_qr(A: Floats) -> tuple[Floats, Indices, Floats, int]:
+    """Return the factors of A P = Q R as LAPACK leaves them, P as columns of A, the reflectors' scales, and the rank.
+
+    Called directly, as below: for matrices of this size the wrappers around LAPACK cost more than the factorisation.
+    """
+    factors, pivots, tau, _, _ = lapack.dgeqp3(A)
+    diagonal = np.abs(np.diagonal(factors))
+    return factors, pivots - 1, tau, int(np.count_nonzero(diagonal > _RANK_TOLERANCE * diagonal[0]))
+
+
+def _solve_triangular(R: Floats, b: Numbers) -> Numbers:
+    """Solve R x = b, R upper triangular and regular, b of shape (n, m)."""
+    solve = lapack.ztrtrs if np.iscomplexobj(b) else lapack.dtrtrs
+    x: Numbers = solve(R, b)[0]
+    return x
 
 
 def independent_constraints(G: Floats) -> Indices:
     """Return the indices of a largest set of independent rows of `G`, ascending."""
     if len(G) == 0:
         return np.zeros(0, dtype=np.intp)
-    R, pivots = scipy.linalg.qr(G.T, mode="r", pivoting=True, check_finite=False)
-    return np.sort(pivots[: _rank(R)])
+    _, pivots, _, rank = _pivoted_qr(G.T)
+    return np.sort(pivots[:rank])
 
 
 def _reduced_pencil(

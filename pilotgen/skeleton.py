@@ -17,6 +17,7 @@ from typing import Any
 
 from jinja2 import Template
 
+_ONLY_TEXTS = {str}
 _MOST_SKELETONS = 64  # structures differ by arms, controls and the number of comment lines: a handful
 
 
@@ -159,6 +160,10 @@ def _flatten(value: Any, leaves: list[str], shape: list[object]) -> None:
         return
     else:
         raise TypeError(f"a template's variables are texts, whole numbers and truth values, not {kind.__name__}")
+    if set(map(type, value)) == _ONLY_TEXTS:  # most are: all at once
+        leaves.extend(value)
+        shape.append(str)
+        return
     for item in value:
         if type(item) is str:
             leaves.append(item)
