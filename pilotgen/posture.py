@@ -41,8 +41,8 @@ from pilotgen.yamlfile import yaml_from_text
 
 _GUESS_ITERATIONS = 12
 _GUESS_STEP_RAD = 0.6  # longest Newton step
-_GUESS_CLOSED_M = 5e-3  # grip error and step before the last one: what is left after it, the solver removes faster
-_GUESS_SETTLED_RAD = 0.05
+_GUESS_CLOSED_M = 0.1  # grip error and step before the last one: what is left after it, the solver removes faster
+_GUESS_SETTLED_RAD = 0.5
 _UPPER = np.triu(np.ones((7, 7)))
 _STRICTLY_LOWER = np.tril(np.ones((7, 7)), -1)
 

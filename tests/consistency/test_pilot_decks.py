@@ -118,8 +118,8 @@ def test_the_guess_is_near_and_the_solver_takes_few_steps(nominal: Pilot) -> Non
     assert nominal.iterations <= 5
     for name, (x, R) in nominal.guess.nodes.items():
         solved_x, solved_R = nominal.posture.nodes[name]
-        assert np.abs(x - solved_x).max() < 0.005
-        assert math.degrees(math.acos(min(1.0, 0.5 * (np.trace(R.T @ solved_R) - 1.0)))) < 3.0
+        assert np.abs(x - solved_x).max() < 0.015
+        assert math.degrees(math.acos(min(1.0, 0.5 * (np.trace(R.T @ solved_R) - 1.0)))) < 6.0
 
 
 def test_a_nominal_pilot_sits_like_a_pilot(nominal: Pilot) -> None:
