@@ -9,7 +9,8 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
@@ -47,10 +48,12 @@ class _Hdf5Source:
         self._file, self.path = file, path
 
     def read(self, name: str) -> NDArray[Any]:
-        return _read(self._file, self.path, name)
+        with _damage_is_told(self.path):
+            return _read(self._file, self.path, name)
 
     def attribute(self, name: str) -> str:
-        return _attribute(self._file, self.path, name)
+        with _damage_is_told(self.path):
+            return _attribute(self._file, self.path, name)
 
     def close(self) -> None:
         self._file.close()
@@ -108,13 +111,25 @@ def open_source(path: str, datasets: Collection[str] = ()) -> Source:
             return _MappedSource(data, layout, path)
     file = _open(path)
     try:
-        _check_stranger(file, path)
+        with _damage_is_told(path):
+            _check_stranger(file, path)
+            if data:
+                _learn(data, datasets)
     except BaseException:
         file.close()
         raise
-    if data:
-        _learn(data, datasets)
     return _Hdf5Source(file, path)
+
+
+@contextmanager
+def _damage_is_told(path: str) -> Iterator[None]:
+    """What the HDF5 library finds wrong inside a file that it could open."""
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:
+        raise MatrixError(
+            f"{path} is a damaged {FILETYPE} file, or it was not written to its end ({error}); make it again"
+        ) from error
 
 
 def _learn(data: bytes, datasets: Collection[str]) -> None:

@@ -175,10 +175,16 @@ def _millimetres(value_m: float, positive: str, negative: str) -> str:
     return f"{abs(1e3 * value_m):.0f} mm {negative if value_m < -0.5e-3 else positive}"
 
 
+def _tenths(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}"  # no -0.0
+
+
 def _posture_lines(posture: Posture) -> list[str]:
     lines = []
     for side, angles in posture.angles_by_side.items():
-        words = [f"{name[: -len('_deg')].replace('_', ' ')} {value:.1f}" for name, value in angles.items()]
+        words = [
+            f"{name[: -len('_deg')].replace('_', ' ')} {round(value, 1) + 0.0:.1f}" for name, value in angles.items()
+        ]
         lines.append(f"Posture of the {side} arm [deg]: {', '.join(words[:4])},")
         lines.append(f"{', '.join(words[4:])}.")
     return lines

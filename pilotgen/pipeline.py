@@ -239,7 +239,7 @@ def solve_pilot(
     text = render_trim(body, cockpit, posture, gains=gains, c=c)
     write(TRIM_DECK, text)
     trim_file = bench.scratch / "trim.h5"  # of no use after this page; the deck makes it again
-    bench.ask("linearise", text, TRIM_DECK, trim_file)
+    bench.ask("linearise", text, TRIM_DECK, trim_file, nodes=False)
     trim = read_matrices(trim_file, complete=False)
     activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
 
@@ -253,7 +253,7 @@ def solve_pilot(
 
 def _linearised(bench: Workbench, text: str, name: str, path: Path) -> Matrices:
     """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another."""
-    bench.ask("linearise", text, name, path)
+    bench.ask("linearise", text, name, path, nodes=False)
     try:
         matrices = read_matrices(path, complete=False)
     except FileError as error:

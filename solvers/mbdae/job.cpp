@@ -207,7 +207,7 @@ void analyse(const Job& job, Task task, const std::string& text, const Deck& dec
                       {"inputs", static_cast<long>(model.inputs.size())},
                       {"muscles", static_cast<long>(model.muscles.size())}};
     if (!output.empty()) write_matrices_file(output, model, provenance());
-    outcome.nodes = std::move(model.nodes);
+    if (job.options.nodes) outcome.nodes = std::move(model.nodes);
   }
   outcome.output = output;
 }

@@ -37,6 +37,7 @@ struct JobOptions {
   std::optional<int> every;                     ///< time steps between rows
   std::vector<std::string> channels;
   bool layout = false;  ///< with check: list the unknowns
+  bool nodes = true;    ///< tell where the nodes are
 
   /// Name of an option that only a time integration uses, or nullptr when none was given.
   const char* integration_option() const;

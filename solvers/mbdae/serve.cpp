@@ -90,10 +90,13 @@ JobOptions read_options(const Json& given) {
     } else if (name == "layout") {
       if (!value.is_boolean()) throw BadRequest("option 'layout' must be true or false");
       options.layout = value.get<bool>();
+    } else if (name == "nodes") {
+      if (!value.is_boolean()) throw BadRequest("option 'nodes' must be true or false");
+      options.nodes = value.get<bool>();
     } else {
       throw BadRequest("unknown option " + quote(name) +
                        "; known: c, state, tolerance, max_iterations, integrator, rtol, atol, final_time, time_step, "
-                       "every, channels, layout");
+                       "every, channels, layout, nodes");
     }
   }
   return options;

@@ -314,9 +314,13 @@ def test_an_ascii_terminal_is_no_reason_to_fail() -> None:
     assert done.stderr.startswith(r"pilotgen: error: caf\xe9.yaml: no such file")
 
 
-def test_a_full_disk_behind_standard_output(tmp_path: Path) -> None:
+@pytest.mark.parametrize("buffered", [True, False])
+def test_a_full_disk_behind_standard_output(tmp_path: Path, buffered: bool) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    if not buffered:
+        environment["PYTHONUNBUFFERED"] = "1"
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-m", "pilotgen", "pilot", str(MAYO), "-o", str(tmp_path / "out"), "--no-figures"]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
     assert done.returncode == 1
     assert done.stderr == "pilotgen: error: standard output or a file: No space left on device\n"

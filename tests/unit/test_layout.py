@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pilotgen import datasets as room
-from pilotgen.errors import MatrixError
+from pilotgen.errors import FileError, MatrixError
 from pilotgen.layout import compare, take_sample
 from pilotgen.matrices import _TABLES, _VECTORS, read_matrices
 from pilotgen.solver import SolverClient
@@ -125,3 +125,27 @@ def test_file_of_a_serving_solver_is_that_of_a_fresh_one(
         deck.write_text(text)
         subprocess.run([mbdae, deck, "-o", tmp_path / str(k)], check=True, capture_output=True)
         assert served == (tmp_path / f"{k}.h5").read_bytes()
+
+
+def test_damage_is_told_and_never_more(tmp_path: Path, solver: SolverClient, decks: list[str]) -> None:
+    """A file cut short, or with a stretch of it wiped out, is read or refused; nothing else may happen."""
+    whole = write(solver, decks[0], tmp_path / "whole.h5")
+    random = np.random.default_rng(3)
+    path = tmp_path / "damaged.h5"
+    refused = 0
+    for k in range(300):
+        data = bytearray(whole)
+        at = int(random.integers(len(data)))
+        if k % 3 == 0:
+            del data[at:]
+        else:
+            length = int(random.integers(1, 4000))
+            data[at : at + length] = bytes(length) if k % 3 == 1 else random.bytes(length)
+            del data[len(whole) :]
+        path.write_bytes(data)
+        try:
+            content(path, complete=k % 2 == 0)
+        except (MatrixError, FileError) as error:
+            refused += 1
+            assert str(path) in str(error)
+    assert refused > 100

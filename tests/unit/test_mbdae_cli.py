@@ -251,6 +251,7 @@ def test_every_line_gets_one_reply_whatever_it_is(mbdae: Path, tmp_path: Path) -
         (b'{"task": "linearise", "text": "", "options": {"c": 1e999}}', "bad_request"),
         (b'{"task": "linearise", "text": "", "options": {"c": -1}}', "bad_request"),
         (b'{"task": "integrate", "text": "", "options": {"every": 1.5}}', "bad_request"),
+        (b'{"task": "check", "text": "", "options": {"nodes": 1}}', "bad_request"),
         (b'{"task": "check", "text": ""}', "deck_error"),
         (b'{"task": "check", "text": "begin: \\u0000 \\ud83d\\ude00 \\\\"}', "deck_error"),
         (b'{"task": "check", "deck": "/no/such/deck.mbd"}', "io_error"),
@@ -336,5 +337,6 @@ def test_client_and_solver_speak_the_same_protocol(solver: SolverClient, tmp_pat
     np.testing.assert_array_equal(reply.nodes["bob"].orientation, np.eye(3))
     with h5py.File(output) as file:
         assert file["c"][()] == 0.25
+    assert solver.request("linearise", deck_text=pendulum(angle_rad=0.3), nodes=False).nodes == {}
     bad = solver.request("check", deck_text="begin: data\n", name="bad.mbd", check=False)
     assert bad.status == "deck_error" and bad.diagnostics[0].file == "bad.mbd"
