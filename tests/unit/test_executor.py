@@ -79,12 +79,13 @@ def test_workers_killed_at_any_moment_lose_nothing() -> None:
     for index, (task, pid) in workers.run(nap, list(range(150))):
         assert index == task and index not in answers
         answers[index] = pid
-        if index % 7 == 3 and pid not in killed:
+        # Tasks that lost their worker come last; no more kills by then, or one could lose three and be given up.
+        if index % 7 == 3 and pid not in killed and len(answers) < 100:
             killed.add(pid)
             os.kill(pid, signal.SIGKILL)  # at work on the next one by now, or waiting for it
     workers.close()
     assert sorted(answers) == list(range(150))
-    assert len(killed) > 10
+    assert len(killed) > 5
 
 
 def test_workers_are_gone_when_nobody_wants_the_rest() -> None:
