@@ -28,7 +28,7 @@ PROJECTIONS = ("exact", "literal")
 # are below 1e-12; a spring to the ground of 1e-6 of the stiffest muscle is far above.
 TRANSLATION_LIMIT = 1e-9
 CERTIFICATE_BAND_HZ = (0.1, 20.0)
-_FEWEST_CERTIFICATE_POINTS = 4
+_FEWEST_CERTIFICATE_POINTS = 4  # across the band, beside the pilot's own frequencies, however few its poles are
 
 
 def make_pilot_model(
