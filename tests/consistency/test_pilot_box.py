@@ -16,7 +16,7 @@ from whole_pilots import WholePilot, body_of, cockpit_of, heavier, solve, strong
 from pilotgen.calibration import grip_mass, grip_stiffness
 from pilotgen.cockpit import make_cockpit
 from pilotgen.feedthrough import certificate
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
+from pilotgen.pipeline import Evaluation, Workbench, evaluate, solve_pilot
 from pilotgen.reflex import calibrated_gains
 from pilotgen.solver import SolverClient
 from pilotgen.study import Reflex, read_study
@@ -42,6 +42,24 @@ def test_random_pilots_are_certified_and_stable(mbdae: Path, name: str, sex: str
             frequency, damping = outcome.pilot_model.dominant_pair()
             assert 2.3 < frequency < 5.5 and 0.15 < damping < 0.45
             assert 0.1 < outcome.result["bdft"]["grip_motion_3hz_mm_per_m_s2"] < 6.0
+
+
+@pytest.mark.parametrize("limbs", [("left",), ("left", "right")])
+def test_the_posture_does_not_depend_on_how_far_the_guess_goes(
+    mbdae: Path, limbs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = read_study(STUDIES / "puma-mass.yaml")
+    study = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, limbs=limbs))
+    low, high = np.array(list(study.search.variables.values())).T
+    points = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    pilots = [dict(zip(study.search.variables, point.tolist(), strict=True)) for point in points]
+    with Workbench(study, mbdae=str(mbdae)) as bench:
+        short = [solve_pilot(bench, pilot, linearise=False).posture for pilot in pilots]
+        monkeypatch.setattr("pilotgen.posture._GUESS_SETTLED_RAD", 1e-3)
+        monkeypatch.setattr("pilotgen.posture._GUESS_CLOSED_M", 1e-5)
+        long = [solve_pilot(bench, pilot, linearise=False).posture for pilot in pilots]
+    for one, other in zip(short, long, strict=True):
+        assert one.angles_deg == pytest.approx(other.angles_deg, abs=1e-8)
 
 
 def test_the_nominal_pilot_is_like_mayo_s(mbdae: Path) -> None:

@@ -114,12 +114,8 @@ def test_the_nominal_pilot_is_in_equilibrium(nominal: Pilot) -> None:
     assert np.abs(grip).max() < 1e-9  # the hand carries nothing: the lever is balanced
 
 
-def test_the_guess_is_near_and_the_solver_takes_few_steps(nominal: Pilot) -> None:
-    assert nominal.iterations <= 5
-    for name, (x, R) in nominal.guess.nodes.items():
-        solved_x, solved_R = nominal.posture.nodes[name]
-        assert np.abs(x - solved_x).max() < 0.015
-        assert math.degrees(math.acos(min(1.0, 0.5 * (np.trace(R.T @ solved_R) - 1.0)))) < 6.0
+def test_the_solver_takes_few_steps_from_the_guess(nominal: Pilot) -> None:
+    assert nominal.iterations <= 5  # where it starts decides no more than this: consistency/test_pilot_box.py
 
 
 def test_a_nominal_pilot_sits_like_a_pilot(nominal: Pilot) -> None:
