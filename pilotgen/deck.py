@@ -10,22 +10,25 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import SimpleNamespace
-from typing import Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit, Inceptor
-from pilotgen.deck_text import hinge_frame, matrix, number, pose_text, template, vector
+from pilotgen.deck_text import hinge_frame, matrix, number, numbers, pose_text, template, vector, vectors
 from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, forward
 from pilotgen.limb import Limb, Muscle, Segment
 from pilotgen.posture import Posture, PostureGuess, ergonomics
+from pilotgen.skeleton import Part
 
 GRAVITY_M_PER_S2 = 9.81
 TIME_STEP_S = 1e-3
 _MIRROR_OUTER = np.outer(MIRROR, MIRROR)
+_Result = TypeVar("_Result")
 
 
 class Gains(Protocol):
@@ -80,7 +83,23 @@ _SPRINGS = ("SHOULDER_COMFORT", "ELBOW_COMFORT", "FOREARM_COMFORT", "WRIST_COMFO
 _IN_NODE = "reference, node, "
 
 
-def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, Pose]) -> SimpleNamespace:
+class _Latest(Generic[_Result]):
+    """A function that remembers its last result: the decks of one pilot are rendered one after the other."""
+
+    def __init__(self, function: Callable[..., _Result]) -> None:
+        self._function = function
+        self._arguments: tuple[object, ...] = ()
+        self._result: _Result
+
+    def __call__(self, *arguments: object) -> _Result:
+        if len(self._arguments) != len(arguments) or any(map(operator.is_not, arguments, self._arguments)):
+            self._result = self._function(*arguments)
+            self._arguments = arguments
+        return self._result
+
+
+def _limb_text(limb: Limb, inceptor: Inceptor, torso: Pose) -> dict[str, Any]:
+    """What is said of an arm and its control in whatever posture."""
     S = SUFFIX[limb.side].upper()
     base = 10 if limb.side == "left" else 20
     labels = [(f"{name.upper()}_{S}", base + i) for i, name in enumerate(SEGMENTS, start=1)]
@@ -91,15 +110,14 @@ def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, P
     x_axis = np.array([1.0, 0.0, 0.0])
     control = "LEVER" if inceptor.name == "collective" else "STICK"
     along = f"{control}_LENGTH, 0., 0." if control == "LEVER" else f"0., {control}_LENGTH, 0."
-    return SimpleNamespace(
+    return dict(
         S=S,
         side=limb.side,
-        inceptor=_inceptor_text(inceptor),
+        inceptor=Part(**_inceptor_text(inceptor).__dict__),
         labels=labels,
         control=control,
         **{name: f"{name.upper()}_{S}" for name in SEGMENTS},
         GH=vector(torso[0]),
-        poses=[(f"{name.upper()}_{S}", pose_text(poses[f"{name}_{SUFFIX[limb.side]}"])) for name in SEGMENTS],
         HU=_IN_NODE + vector(limb.HU_in_humerus),
         HR=_IN_NODE + vector(limb.HR_in_humerus),
         UH=_IN_NODE + vector(limb.UH_in_radius),
@@ -111,6 +129,20 @@ def _arm_text(limb: Limb, inceptor: Inceptor, torso: Pose, poses: Mapping[str, P
         grip_on_control=_IN_NODE + along,
         grip_in_hand=_IN_NODE + vector(limb.grip_in_hand),
     )
+
+
+@_Latest
+def _limb_texts(body: Body, cockpit: Cockpit) -> dict[str, dict[str, Any]]:
+    """The same for each arm of a body, by side."""
+    return {side: _limb_text(limb, cockpit.inceptors[side], cockpit.torso[side]) for side, limb in body.limbs.items()}
+
+
+def _arm_text(body: Body, cockpit: Cockpit, side: str, poses: Mapping[str, Pose], **more: Any) -> dict[str, Any]:
+    """An arm in one posture, with its control; `labels` of `more` come after those that every deck has."""
+    text = _limb_texts(body, cockpit)[side]
+    labels = [*text["labels"], *more.pop("labels", ())]
+    placed = [(text[name], pose_text(poses[f"{name}_{SUFFIX[side]}"])) for name in SEGMENTS]
+    return {**text, **more, "labels": labels, "poses": placed}
 
 
 def _inertia_text(segment: Segment, name: str) -> tuple[list[tuple[str, str, str]], SimpleNamespace]:
@@ -132,23 +164,24 @@ def _inertia_text(segment: Segment, name: str) -> tuple[list[tuple[str, str, str
     return constants, SimpleNamespace(name=name, mass=f"{name}_MASS", com=com, inertia=inertia)
 
 
-def _muscle_text(muscle: Muscle, side: str) -> SimpleNamespace:
-    """What a muscle is, whatever it does."""
-    S = SUFFIX[side].upper()
-
-    def end(body: str, point: np.ndarray) -> str:
-        if body == "torso":
-            return f"SEAT, position, reference, GLENOHUMERAL_{S}, {vector(point)}"
-        return f"{body.upper()}_{S}, position, {_IN_NODE}{vector(point)}"
-
-    return SimpleNamespace(
-        name=f"{muscle.name.upper()}_{S}",
-        full_name=muscle.full_name,
-        L0=number(muscle.l0_m),
-        F0=number(muscle.F0_N),
-        origin=end(muscle.origin_body, muscle.origin_m),
-        insertion=end(muscle.insertion_body, muscle.insertion_m),
-    )
+def _muscle_texts(limb: Limb) -> list[SimpleNamespace]:
+    """What the muscles of an arm are, whatever they do."""
+    S = SUFFIX[limb.side].upper()
+    place = {name: f"{name.upper()}_{S}, position, {_IN_NODE}" for name in SEGMENTS}
+    place["torso"] = f"SEAT, position, reference, GLENOHUMERAL_{S}, "
+    origins = vectors(np.array([muscle.origin_m for muscle in limb.muscles]))
+    insertions = vectors(np.array([muscle.insertion_m for muscle in limb.muscles]))
+    return [
+        SimpleNamespace(
+            name=f"{muscle.name.upper()}_{S}",
+            full_name=muscle.full_name,
+            L0=number(muscle.l0_m),
+            F0=number(muscle.F0_N),
+            origin=place[muscle.origin_body] + origin,
+            insertion=place[muscle.insertion_body] + insertion,
+        )
+        for muscle, origin, insertion in zip(limb.muscles, origins, insertions, strict=True)
+    ]
 
 
 def _pilot_lines(body: Body, cockpit: Cockpit) -> list[str]:
@@ -205,12 +238,10 @@ def render_posture(body: Body, cockpit: Cockpit, guess: PostureGuess) -> str:
     """The static deck that finds the posture: grips in place, ergonomic springs instead of muscles and gravity."""
     arms = []
     for side, limb in body.limbs.items():
-        inceptor = cockpit.inceptors[side]
-        arm = _arm_text(limb, inceptor, cockpit.torso[side], guess.nodes)
         base = 140 if side == "left" else 150
-        arm.labels += [(f"{name}_{arm.S}", base + i) for i, name in enumerate(_SPRINGS, start=1)]
-        arm.__dict__.update(_spring_frames(limb, inceptor, cockpit.torso[side]))
-        arms.append(arm)
+        labels = [(f"{name}_{SUFFIX[side].upper()}", base + i) for i, name in enumerate(_SPRINGS, start=1)]
+        springs = _spring_frames(limb, cockpit.inceptors[side], cockpit.torso[side])
+        arms.append(_arm_text(body, cockpit, side, guess.nodes, labels=labels, **springs))
     return template("posture.mbd.j2").render(
         purpose="posture.mbd - how the pilot holds the controls: equilibrium of ergonomic springs, without gravity.",
         pilot=_pilot_lines(body, cockpit),
@@ -365,37 +396,24 @@ def _analysis(c: float, time_step_s: float, *, equilibrium: bool, final_time_s: 
     return analysis
 
 
-class _LastArms:
-    """Arms of the last posture that was rendered: the trim deck and the pilot's deck have the same."""
-
-    def __init__(self) -> None:
-        self._posture: tuple[Body, Cockpit, Posture] | None = None
-        self._arms: list[SimpleNamespace] = []
-
-    def of(self, body: Body, cockpit: Cockpit, posture: Posture) -> list[SimpleNamespace]:
-        """Text of the arms, without what the muscles do."""
-        wanted = (body, cockpit, posture)
-        if self._posture is None or any(a is not b for a, b in zip(wanted, self._posture, strict=True)):
-            self._arms = [self._arm(side, *wanted) for side in body.limbs]
-            self._posture = wanted
-        return self._arms
-
-    @staticmethod
-    def _arm(side: str, body: Body, cockpit: Cockpit, posture: Posture) -> SimpleNamespace:
-        limb = body.limbs[side]
-        arm = _arm_text(limb, cockpit.inceptors[side], cockpit.torso[side], posture.nodes)
-        arm.constants, arm.bodies = [], []
+@_Latest
+def _arms_with_muscles(body: Body, cockpit: Cockpit, posture: Posture) -> list[Part]:
+    """Text of the arms, without what the muscles do: the trim deck and the pilot's deck have the same."""
+    arms = []
+    for side, limb in body.limbs.items():
+        S = SUFFIX[side].upper()
+        constants: list[tuple[str, str, str]] = []
+        bodies = []
         for name in SEGMENTS:
-            constants, card = _inertia_text(limb.segments[name], f"{name.upper()}_{arm.S}")
-            arm.constants += constants
-            arm.bodies.append(card)
-        arm.muscles = [_muscle_text(muscle, side) for muscle in limb.muscles]
+            of_this, card = _inertia_text(limb.segments[name], f"{name.upper()}_{S}")
+            constants += of_this
+            bodies.append(card)
+        muscles = _muscle_texts(limb)
         base = 200 if side == "left" else 300
-        arm.labels += [(m.name, base + i) for i, m in enumerate(arm.muscles, start=1)]
-        return arm
-
-
-_LAST_ARMS = _LastArms()
+        labels = [(muscle.name, base + i) for i, muscle in enumerate(muscles, start=1)]
+        more = {"labels": labels, "constants": constants, "bodies": bodies, "muscles": muscles}
+        arms.append(Part(**_arm_text(body, cockpit, side, posture.nodes, **more)))
+    return arms
 
 
 def _render_pilot(
@@ -404,7 +422,7 @@ def _render_pilot(
     posture: Posture,
     *,
     purpose: str,
-    values: Sequence[float] | np.ndarray,
+    values: np.ndarray,
     lengths: np.ndarray,
     gains: Gains,
     analysis: Mapping[str, str],
@@ -412,28 +430,32 @@ def _render_pilot(
     activation_check: bool,
     seat_drive: str,
 ) -> str:
-    arms = []
-    activation = iter(np.asarray(values).tolist())
-    length = iter(np.asarray(lengths).tolist())
-    check = "yes" if activation_check else "no"
-    for limb, arm in zip(body.limbs.values(), _LAST_ARMS.of(body, cockpit, posture), strict=True):
-        muscles = []
-        for muscle, text in zip(limb.muscles, arm.muscles, strict=True):
-            a, length_m = next(activation), next(length)
-            x = f"{length_m / muscle.l0_m:.3f}"
-            muscles.append(
-                SimpleNamespace(**text.__dict__, x=x, activation=number(a), length=number(length_m), check=check)
+    limbs = body.limbs.values()
+    arms = _arms_with_muscles(body, cockpit, posture)
+    states = []
+    done = 0
+    for limb in limbs:
+        those = slice(done, done := done + len(limb.muscles))
+        optimal_m = [muscle.l0_m for muscle in limb.muscles]
+        states.append(
+            SimpleNamespace(
+                x=[f"{length / l0:.3f}" for length, l0 in zip(lengths[those].tolist(), optimal_m, strict=True)],
+                activation=numbers(values[those]),
+                length=numbers(lengths[those]),
+                check="yes" if activation_check else "no",
+                comment=activation_comment,
             )
-        arms.append(SimpleNamespace(**{**arm.__dict__, "muscles": muscles, "activation_comment": activation_comment}))
+        )
     return template("pilot.mbd.j2").render(
         purpose=purpose,
         pilot=[*_pilot_lines(body, cockpit), *_posture_lines(posture)],
         analysis=analysis,
-        counts=_counts(len(arms), sum(len(limb.muscles) for limb in body.limbs.values()), springs=False),
+        counts=_counts(len(arms), done, springs=False),
         arms=arms,
+        muscle_states=states,
         kp=number(gains.proportional_gain),
         kd=number(gains.derivative_gain),
-        velocity_factor=number(_velocity_factor(limb.muscles for limb in body.limbs.values())),
+        velocity_factor=number(_velocity_factor(limb.muscles for limb in limbs)),
         back_angle=number(cockpit.back_angle_deg),
         gravity=number(GRAVITY_M_PER_S2),
         seat_drive=seat_drive,

@@ -61,22 +61,48 @@ def number(value: float) -> str:
     return repr(float(value) + 0.0)  # no -0.0
 
 
+def numbers(values: np.ndarray) -> list[str]:
+    """Many numbers, each as `number` prints it."""
+    return _numbers(values).split(", ")
+
+
 def vector(values: np.ndarray) -> str:
-    """Three numbers."""
-    text = repr((values + 0.0).tolist())[1:-1]  # as `number`, all at once
+    """Three numbers in one text."""
+    return _numbers(values)
+
+
+def vectors(values: np.ndarray) -> list[str]:
+    """The rows of a matrix, each as `vector` prints it."""
+    texts = [repr(row)[1:-1] for row in (values + 0.0).tolist()]
+    _refuse_what_is_not_finite("".join(texts))
+    return texts
+
+
+def _numbers(values: np.ndarray) -> str:
+    text = repr((values + 0.0).tolist())[1:-1]
+    _refuse_what_is_not_finite(text)
+    return text
+
+
+def _refuse_what_is_not_finite(text: str) -> None:
     if "n" in text:  # nan, inf
         raise ValueError(f"{text} have no place in a deck")
-    return text
 
 
 def direction(v: np.ndarray) -> str:
     """A unit vector; what is left of a zero by rounding is printed as zero."""
-    return ", ".join("0.0" if abs(x) < ROUNDING else number(x) for x in v.tolist())
+    return _direction(v.tolist())
+
+
+def _direction(v: list[float]) -> str:
+    text = ", ".join(["0.0" if -ROUNDING < x < ROUNDING else repr(x) for x in v])
+    _refuse_what_is_not_finite(text)
+    return text
 
 
 def matrix(R: np.ndarray) -> str:
     """An orientation, a row a line."""
-    return "matr,\n\t\t\t" + ",\n\t\t\t".join(map(direction, R))
+    return "matr,\n\t\t\t" + ",\n\t\t\t".join(map(_direction, R.tolist()))
 
 
 def hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> str:
@@ -87,5 +113,5 @@ def hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: in
 
 def pose_text(pose: Pose) -> SimpleNamespace:
     """Position `x` and the rows `R1`, `R2`, `R3` of the orientation."""
-    R1, R2, R3 = map(direction, pose[1])
+    R1, R2, R3 = map(_direction, pose[1].tolist())
     return SimpleNamespace(x=vector(pose[0]), R1=R1, R2=R2, R3=R3)

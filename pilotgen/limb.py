@@ -12,6 +12,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +30,7 @@ class Segment:
     inertia_kg_m2: np.ndarray  # (3, 3) about the centre of mass, segment axes
 
 
-@dataclass(frozen=True)
-class Muscle:
+class Muscle(NamedTuple):
     """One straight Hill bundle. Bodies are "torso" (torso axes, origin GH) or a segment; points in their axes."""
 
     name: str

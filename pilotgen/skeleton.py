@@ -21,6 +21,14 @@ _ONLY_TEXTS = {str}
 _MOST_SKELETONS = 64  # structures differ by arms, controls and the number of comment lines: a handful
 
 
+class Part(SimpleNamespace):
+    """A namespace of variables that several decks have in common: looked through once, not to be changed after that."""
+
+    __slots__ = ("_found",)
+
+    _found: tuple[list[str], int]  # its texts, and the number of its shape
+
+
 class Skeletons:
     """One template and the skeletons of the structures that it has met.
 
@@ -140,11 +148,27 @@ class _Marker(str):
         return self._tell("__iter__")
 
 
+_shape_numbers: dict[tuple[object, ...], int] = {}  # of parts: equal shapes have equal numbers
+
+
+def _look_through(part: Part) -> tuple[list[str], int]:
+    leaves: list[str] = []
+    shape: list[object] = []
+    _flatten(part.__dict__, leaves, shape)
+    part._found = leaves, _shape_numbers.setdefault(tuple(shape), len(_shape_numbers))
+    return part._found
+
+
 def _flatten(value: Any, leaves: list[str], shape: list[object]) -> None:
     """Append the texts in `value` to `leaves`, and what else there is to know of it to `shape`."""
     kind = type(value)
     if kind is str:
         leaves.append(value)
+        return
+    if kind is Part:
+        texts, number = getattr(value, "_found", None) or _look_through(value)
+        leaves.extend(texts)
+        shape += (Part, number)
         return
     if kind is SimpleNamespace:
         value = value.__dict__
@@ -177,7 +201,7 @@ def _replaced(value: Any, leaves: Any) -> Any:
     kind = type(value)
     if kind is str:
         return next(leaves)
-    if kind is SimpleNamespace:
+    if kind is SimpleNamespace or kind is Part:
         return SimpleNamespace(**{name: _replaced(item, leaves) for name, item in value.__dict__.items()})
     if kind is dict:
         return {name: _replaced(item, leaves) for name, item in value.items()}

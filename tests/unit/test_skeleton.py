@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import Environment, StrictUndefined, Template
 
-from pilotgen.skeleton import Skeletons
+from pilotgen.skeleton import Part, Skeletons
 
 ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)
 TEMPLATES = {
@@ -58,6 +58,16 @@ def test_a_known_structure_is_not_rendered_again() -> None:
     for i in range(50):
         skeletons.render(a=f"{i}", b=SimpleNamespace(x="2"), c=["3", f"{-i}"], n=2)
     assert calls[0] == 3  # twice to find it worth while, once with markers
+
+
+def test_a_part_prints_as_a_namespace_does() -> None:
+    template = ENVIRONMENT.from_string("{{ p.x }} {% for k in p.c %}{{ k }}{% endfor %}{{ q }}")
+    skeletons = Skeletons(template)
+    for i in range(12):
+        part = Part(x=f"{i}", c=["3"] * (i % 3))
+        for q in ("u", "v"):  # two decks, one part
+            plain = SimpleNamespace(**part.__dict__)
+            assert skeletons.render(p=part, q=q) == template.render(p=plain, q=q) == skeletons.render(p=plain, q=q)
 
 
 def test_other_variables_are_refused() -> None:
