@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
 import numpy as np
@@ -66,7 +66,7 @@ class _MappedSource:
         self._data, self._layout, self.path = data, layout, path
 
     def read(self, name: str) -> NDArray[Any]:
-        return _finite(self._layout.datasets[name].read(self._data), self.path, name)
+        return _finite(self._layout.read(name, self._data), self.path, name)
 
     def attribute(self, name: str) -> str:
         return self._layout.deck_hash(self._data) if name == "deck_sha256" else self._layout.attributes[name]
@@ -101,11 +101,8 @@ def open_source(path: str, datasets: Collection[str] = ()) -> Source:
     """
     data = b""
     if datasets:
-        try:
-            with open(path, "rb", buffering=0) as plain:
-                data = plain.read()
-        except OSError:
-            pass  # the library's way below says what is wrong
+        with suppress(OSError):  # the library's way below says what is wrong
+            data = _content(path)
         layout = _layouts.get(len(data))
         if layout is not None and layout.fits(data):
             return _MappedSource(data, layout, path)
@@ -119,6 +116,14 @@ def open_source(path: str, datasets: Collection[str] = ()) -> Source:
         file.close()
         raise
     return _Hdf5Source(file, path)
+
+
+def _content(path: str) -> bytes:
+    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        return os.read(file, os.fstat(file).st_size)
+    finally:
+        os.close(file)
 
 
 @contextmanager

@@ -3,16 +3,19 @@
 A search reads thousands of files that differ in their numbers only. Finding each small dataset through the HDF5 library
 costs a hundred times more than reading it. Two files that the library has read, and that have the same datasets of the
 same types at the same places, show which of the remaining bytes depend on the numbers: the hash of the deck and the
-checksum of the header that holds it. Any file that equals them in all the other bytes has the same structure, and its
-datasets are taken from the same places. Everything else goes through the library.
+checksum of the header that holds it. Names and whole numbers that the two have in common count as structure. Any file
+that equals them in all the other bytes has the same structure, and its datasets are taken from the same places.
+Everything else goes through the library.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,17 +34,21 @@ class Dataset:
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
 
+    @cached_property
+    def count(self) -> int:
+        """Number of values."""
+        return math.prod(self.shape)
+
     @property
     def end(self) -> int:
         """First byte after it."""
-        return self.offset + self.dtype.itemsize * int(np.prod(self.shape, dtype=np.int64))
+        return self.offset + self.dtype.itemsize * self.count
 
     def read(self, data: bytes) -> NDArray[Any]:
-        """The dataset in a file's bytes, as float64, int64 or bytes."""
-        count = int(np.prod(self.shape, dtype=np.int64))
-        values = np.frombuffer(data, self.dtype, count, self.offset).reshape(self.shape)
+        """The dataset in a file's bytes, as float64, int64 or bytes; not to be written to."""
+        values = np.frombuffer(data, self.dtype, self.count, self.offset).reshape(self.shape)
         kind = _KINDS[self.dtype.kind]
-        return values.copy() if kind == "S" else values.astype(kind)
+        return values if kind == "S" else values.astype(kind, copy=not values.flags.aligned)
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,8 @@ class Layout:
     ----------
     datasets : mapping of str to Dataset
         Where the numbers are.
+    constants : mapping of str to ndarray
+        Texts and whole numbers that belong to the structure: the same in every such file, not to be written to.
     attributes : mapping of str to str
         Texts attached to the root group, except the deck's hash.
     hash_at, hash_size : int
@@ -59,6 +68,7 @@ class Layout:
     """
 
     datasets: Mapping[str, Dataset]
+    constants: Mapping[str, NDArray[Any]]
     attributes: Mapping[str, str]
     hash_at: int
     hash_size: int
@@ -68,6 +78,11 @@ class Layout:
     def fits(self, data: bytes) -> bool:
         """Whether a file with these bytes has this structure."""
         return len(data) == self._size and all(data[start:end] == content for start, end, content in self._fixed)
+
+    def read(self, name: str, data: bytes) -> NDArray[Any]:
+        """A dataset of a file with these bytes, as float64, int64 or bytes; not to be written to."""
+        constant = self.constants.get(name)
+        return self.datasets[name].read(data) if constant is None else constant
 
     def deck_hash(self, data: bytes) -> str:
         """The deck's hash in a file's bytes."""
@@ -128,9 +143,14 @@ def compare(first: Sample, second: Sample) -> Layout | None:
     size = len(first.deck_hash)
     if places[0] != places[1] or places[0] < 0:
         return None
-    stretches = sorted((d.offset, d.end) for d in first.datasets.values())
+    constants = {
+        name: d.read(first.data)
+        for name, d in first.datasets.items()
+        if d.dtype.kind in "iS" and first.data[d.offset : d.end] == second.data[d.offset : d.end]
+    }
+    numbers = [(d.offset, d.end) for name, d in first.datasets.items() if name not in constants]
     outside = np.ones(len(first.data), dtype=bool)
-    for start, end in (*stretches, (places[0], places[0] + size)):
+    for start, end in (*numbers, (places[0], places[0] + size)):
         outside[start:end] = False
     a, b = (np.frombuffer(sample.data, np.uint8) for sample in (first, second))
     differing = np.flatnonzero(outside & (a != b))
@@ -139,4 +159,4 @@ def compare(first: Sample, second: Sample) -> Layout | None:
     outside[differing] = False
     edges = np.flatnonzero(np.diff(np.concatenate(([False], outside, [False])).astype(np.int8))).reshape(-1, 2)
     fixed = tuple((int(start), int(end), first.data[start:end]) for start, end in edges)
-    return Layout(first.datasets, first.attributes, places[0], size, len(first.data), fixed)
+    return Layout(first.datasets, constants, first.attributes, places[0], size, len(first.data), fixed)

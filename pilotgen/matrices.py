@@ -211,7 +211,8 @@ def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matric
     path : path
         The file.
     complete : bool
-        Read and check every table now. With False columns are read when first used, from the file as it is now.
+        Read and check every table now. With False columns are read when first used, from the file as it is now, and
+        arrays are not to be written to.
 
     Raises
     ------
