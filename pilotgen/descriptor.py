@@ -10,6 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -121,7 +122,15 @@ def make_descriptor(
     """
     g_ydot = (J_plus + J_minus) / 2.0
     g_y = (J_plus - J_minus) / (2.0 * c)
+    return DescriptorModel(
+        g_y, g_ydot, names, *_roles(kinds.tobytes(), kinds.dtype.str, names.tobytes(), names.dtype.str)
+    )
 
+
+@lru_cache(maxsize=8)  # the pilots of a study differ in their numbers only
+def _roles(kind_bytes: bytes, kind_type: str, name_bytes: bytes, name_type: str) -> tuple[Indices, ...]:
+    """Return coordinates, momenta, reactions, definition rows and equilibrium rows; names are for messages."""
+    kinds, names = np.frombuffer(kind_bytes, kind_type), np.frombuffer(name_bytes, name_type)
     is_coordinate = (kinds == _COORDINATE_KINDS[0]) | (kinds == _COORDINATE_KINDS[1])
     is_momentum = (kinds == _MOMENTUM_KINDS[0]) | (kinds == _MOMENTUM_KINDS[1])
     is_reaction = kinds == _REACTION_KIND
@@ -144,16 +153,10 @@ def make_descriptor(
     dynamic = np.zeros(len(names), dtype=bool)
     dynamic[definition_rows] = True
     equilibrium_rows = np.where(dynamic[coordinates], coordinates + NODE_COORDINATES, coordinates)
-    return DescriptorModel(
-        g_y=g_y,
-        g_ydot=g_ydot,
-        names=names,
-        coordinates=coordinates,
-        momenta=momenta,
-        reactions=np.flatnonzero(is_reaction),
-        definition_rows=definition_rows,
-        equilibrium_rows=equilibrium_rows,
-    )
+    roles = (coordinates, momenta, np.flatnonzero(is_reaction), definition_rows, equilibrium_rows)
+    for indices in roles:
+        indices.flags.writeable = False  # many models share them
+    return roles
 
 
 def _sample(names: Sequence[bytes] | NDArray[np.bytes_]) -> str:

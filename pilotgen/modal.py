@@ -108,46 +108,56 @@ def second_order_form(model: DescriptorModel) -> SecondOrderForm:
     g_y, g_ydot = model.g_y, model.g_ydot
     q, p, reactions = model.coordinates, model.momenta, model.reactions
     definition, equilibrium = model.definition_rows, model.equilibrium_rows
+    n_q, n_p = len(q), len(p)
     dynamic = np.searchsorted(q, definition)
-    force_of_rate = np.zeros((len(q), len(p)))
-    force_of_rate[dynamic, np.arange(len(p))] = 1.0
+    force_of_rate = np.zeros((n_q, n_p))
+    force_of_rate[dynamic, np.arange(n_p)] = 1.0
 
-    by_p_y, by_p_ydot, by_r_ydot = g_y[:, p], g_ydot[:, p], g_ydot[:, reactions]
-    by_r_y = g_y[:, reactions]
-    required = (
-        (by_p_y[definition], -np.eye(len(p)), "momenta in their definitions"),
-        (by_p_ydot[definition], 0.0, "momenta rates in the momentum definitions"),
-        (by_p_ydot[equilibrium], force_of_rate, "momenta rates in the equilibrium equations"),
-        (by_p_y[reactions], 0.0, "momenta in the constraints"),
-        (by_p_ydot[reactions], 0.0, "momenta rates in the constraints"),
-        (by_r_ydot, 0.0, "rates of reactions"),
-        (by_r_y[reactions], 0.0, "reactions in the constraints"),
-        (by_r_y[definition], 0.0, "reactions in the momentum definitions"),
-    )
-    for block, wanted, what in required:
-        if block.size and np.abs(block - wanted).max() > _FORM_TOLERANCE:
-            raise MatrixError(
-                f"the matrices are not those of a multibody model: {what} differ from the expected 0 or 1 by "
-                f"{np.abs(block - wanted).max():.2g}"
-            )
+    # rows: equilibrium, momentum definitions, constraints; columns: coordinates, momenta, reactions
+    order = np.ix_(np.concatenate((equilibrium, definition, reactions)), np.concatenate((q, p, reactions)))
+    by_y, by_ydot = g_y[order], g_ydot[order]
+    wanted_y, wanted_ydot = np.zeros_like(by_y[n_q:, n_q:]), np.zeros_like(by_ydot[:, n_q:])
+    wanted_y[np.arange(n_p), np.arange(n_p)] = -1.0
+    wanted_ydot[:n_q, :n_p] = force_of_rate
+    _check_form(by_y[n_q:, n_q:] - wanted_y, by_ydot[:, n_q:] - wanted_ydot, n_q, n_p)
 
-    momentum_mass, momentum_gyro = g_ydot[np.ix_(definition, q)], g_y[np.ix_(definition, q)]
-    momentum_force = by_p_y[equilibrium]
-    M = force_of_rate @ momentum_mass
-    C = g_ydot[np.ix_(equilibrium, q)] + force_of_rate @ momentum_gyro + momentum_force @ momentum_mass
-    K = g_y[np.ix_(equilibrium, q)] + momentum_force @ momentum_gyro
+    momentum_mass, momentum_gyro = by_ydot[n_q : n_q + n_p, :n_q], by_y[n_q : n_q + n_p, :n_q]
+    momentum_force = by_y[:n_q, n_q : n_q + n_p]
     return SecondOrderForm(
-        M=M,
-        C=C,
-        K=K,
-        B=by_r_y[equilibrium],
-        Phi_0=g_y[np.ix_(reactions, q)],
-        Phi_1=g_ydot[np.ix_(reactions, q)],
+        M=force_of_rate @ momentum_mass,
+        C=by_ydot[:n_q, :n_q] + force_of_rate @ momentum_gyro + momentum_force @ momentum_mass,
+        K=by_y[:n_q, :n_q] + momentum_force @ momentum_gyro,
+        B=by_y[:n_q, n_q + n_p :],
+        Phi_0=by_y[n_q + n_p :, :n_q],
+        Phi_1=by_ydot[n_q + n_p :, :n_q],
         momentum_mass=momentum_mass,
         momentum_gyro=momentum_gyro,
         momentum_force=momentum_force,
         dynamic=dynamic,
     )
+
+
+def _check_form(y: Floats, ydot: Floats, n_q: int, n_p: int) -> None:
+    """Check what g_y (without equilibrium rows) and g_ydot have too much by momenta and reactions: nothing."""
+    if max(np.abs(y).max(initial=0.0), np.abs(ydot).max(initial=0.0)) <= _FORM_TOLERANCE:
+        return
+    equilibrium, definition, constraints = slice(n_q), slice(n_q, n_q + n_p), slice(n_q + n_p, None)
+    for block, what in (
+        (y[:n_p, :n_p], "momenta in their definitions"),
+        (ydot[definition, :n_p], "momenta rates in the momentum definitions"),
+        (ydot[equilibrium, :n_p], "momenta rates in the equilibrium equations"),
+        (y[n_p:, :n_p], "momenta in the constraints"),
+        (ydot[constraints, :n_p], "momenta rates in the constraints"),
+        (ydot[:, n_p:], "rates of reactions"),
+        (y[n_p:, n_p:], "reactions in the constraints"),
+        (y[:n_p, n_p:], "reactions in the momentum definitions"),
+    ):
+        worst = np.abs(block).max(initial=0.0)
+        if worst > _FORM_TOLERANCE:
+            raise MatrixError(
+                f"the matrices are not those of a multibody model: {what} differ from the expected 0 or 1 by "
+                f"{worst:.2g}"
+            )
 
 
 def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalModel:
@@ -256,6 +266,13 @@ def _solve_triangular(R: Floats, b: Numbers) -> Numbers:
     return x
 
 
+def _condition(A: Numbers) -> float:
+    """Return the condition number of a square matrix in the 2-norm."""
+    singular_values = (lapack.zgesdd if np.iscomplexobj(A) else lapack.dgesdd)(A, compute_uv=0)[1]
+    smallest = float(singular_values[-1])
+    return float(singular_values[0]) / smallest if smallest > 0.0 else np.inf
+
+
 def independent_constraints(G: Floats) -> Indices:
     """Return the indices of a largest set of independent rows of `G`, ascending."""
     if len(G) == 0:
@@ -290,7 +307,7 @@ def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int]
     size = len(E)
     if size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0
-    if np.linalg.cond(E) < 1.0 / np.sqrt(np.finfo(float).eps):
+    if _condition(E) < 1.0 / np.sqrt(np.finfo(float).eps):
         H = -np.linalg.solve(E, F)
         lam = np.linalg.eigvals(H)
         threshold = _NEGLIGIBLE * np.abs(lam).max()
@@ -301,7 +318,7 @@ def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int]
     # Some direction has no mass: S = (sigma E + F)^-1 E has the eigenvalues 1 / (sigma - lam), zero for infinite lam.
     sigma = 1.1 * np.linalg.norm(F) / np.linalg.norm(E)  # [rad/s] of the size of the pencil's own eigenvalues
     shifted = sigma * E + F
-    if np.linalg.cond(shifted) > 1e13:
+    if not _condition(shifted) <= 1e13:
         raise MatrixError("the pencil is singular: some motion meets no mass, damping, stiffness or constraint")
     S = np.linalg.solve(shifted, E)
     mu = np.linalg.eigvals(S)
@@ -342,7 +359,7 @@ def _diagonalise(right: Numbers, left: Numbers, A: Numbers) -> tuple[Complexes, 
     heads = heads[np.argsort(np.abs(lam[heads]), kind="stable")]
     order = np.array([j for k in heads for j in ((k, k + 1) if lam[k].imag > 0.0 else (k,))], dtype=np.intp)
     lam, T = lam[order].astype(np.complex128), T[:, order].astype(np.complex128)
-    if len(lam) == 0 or np.linalg.cond(T) < _MAX_CONDITION:
+    if len(lam) == 0 or _condition(T) < _MAX_CONDITION:
         return lam, right @ T, np.linalg.solve(T, left.astype(np.complex128)), np.diag(lam), True
     return lam, right, left, A, False
 
