@@ -435,6 +435,8 @@ def _read_reply(line: bytes, request_id: int) -> SolverReply:
 
 def _read_poses(items: list[dict[str, Any]]) -> dict[str, NodePose]:
     """Poses by name; all numbers are converted at once, which is what a search waits for."""
+    if not items:
+        return {}
     for item in items:
         position, orientation = item["position"], item["orientation"]
         if len(position) != 3 or [len(row) for row in orientation] != [3, 3, 3]:
