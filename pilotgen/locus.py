@@ -127,6 +127,7 @@ class Locus:
         self.model = model
         self.T, self.b, self.c, self.D = form.T, form.b, form.c, model.D
         self.n = model.n_states
+        self._j_eye = 1j * np.eye(self.n)
         self.poles = np.diagonal(self.T)
         modulus = np.abs(self.poles)
         self.top_pole = float(modulus.max())
@@ -151,23 +152,23 @@ class Locus:
     def _evaluate(
         self, x: FloatArray, tail: BoolArray, twice: bool
     ) -> tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]:
-        p, q = np.where(tail, 1.0, x), np.where(tail, x, 1.0)
-        n = self.n
-        if n <= _SMALL:
+        some_tail = bool(tail.any())
+        p, q = (np.where(tail, 1.0, x), np.where(tail, x, 1.0)) if some_tail else (x, np.ones_like(x))
+        if self.n <= _SMALL:
             # X = (jp - qT)^-1 b, Y = c (jp - qT)^-1, Z = (jp - qT)^-1 X
-            R = np.linalg.inv((1j * p)[:, None, None] * np.eye(n) - q[:, None, None] * self.T)
+            R = np.linalg.inv(np.multiply.outer(p, self._j_eye) - np.multiply.outer(q, self.T))
             X, Y = R @ self.b, self.c @ R
             Z = (R @ X[:, :, None])[:, :, 0] if twice else X
         else:
             X, Y, Z = self._substitute(p, q, twice)
         terms = self.c * X * q[:, None]
-        slope = np.where(tail, 1j, -1j) * (X * Y).sum(axis=1)
-        curvature = slope
-        if twice:
-            # d2L/domega2 = -2 c R^3 b; d2L/dt2 = 2j c R^3 T b
-            curvature = -2.0 * (Y * Z).sum(axis=1)
-            if tail.any():
-                curvature = np.where(tail, 2j * (Y * (Z @ self.T.T)).sum(axis=1), curvature)
+        slope = -1j * np.einsum("mi,mi->m", X, Y)
+        # d2L/domega2 = -2 c R^3 b; d2L/dt2 = 2j c R^3 T b
+        curvature = -2.0 * np.einsum("mi,mi->m", Y, Z) if twice else slope
+        if some_tail:
+            if twice:
+                curvature = np.where(tail, 2j * np.einsum("mi,mi->m", Y, Z @ self.T.T), curvature)
+            slope = np.where(tail, -slope, slope)
         return self.D + terms.sum(axis=1), slope, abs(self.D) + np.abs(terms).sum(axis=1), curvature
 
     def _substitute(self, p: FloatArray, q: FloatArray, twice: bool) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
