@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pilotgen.locus import FIRST_ERROR, GUESS_POINTS, BoolArray, Intervals, Locus, basis
+from pilotgen.partial_fractions import PartialFractions
 from pilotgen.statespace import ComplexArray, FloatArray, StateSpaceModel
 
 _EPS = float(np.finfo(float).eps)
@@ -87,20 +88,22 @@ class _Jobs:
 _REAL_AXIS, _UNIT_CIRCLE, _AXIS_EXTREMUM, _CIRCLE_EXTREMUM, _NEAREST, _DISK = range(6)
 
 
-def locus_features(model: StateSpaceModel) -> LocusFeatures:
+def locus_features(model: StateSpaceModel, fractions: PartialFractions | None = None) -> LocusFeatures:
     """Crossings and nearest points of the locus L(j omega), 0 <= omega <= infinity, of a proper loop.
 
     Parameters
     ----------
     model : StateSpaceModel
         The loop L, one input and output, at least one state.
+    fractions : PartialFractions, optional
+        The same as a sum of partial fractions, if its poles are apart: quicker.
     """
-    return _Search(model).run()
+    return _Search(Locus(model, fractions)).run()
 
 
 class _Search:
-    def __init__(self, model: StateSpaceModel) -> None:
-        self.locus = Locus(model)
+    def __init__(self, locus: Locus) -> None:
+        self.locus = locus
         self.jobs = _Jobs()
         self.found: dict[int, list[tuple[float, complex]]] = {_REAL_AXIS: [], _UNIT_CIRCLE: []}
 

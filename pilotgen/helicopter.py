@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotgen.errors import FileError
+from pilotgen.partial_fractions import PartialFractions
 from pilotgen.rotorcraft import NUMBERS, RANGES, Rotorcraft, load_rotorcraft
 from pilotgen.statespace import ComplexArray, FloatArray, StateSpaceModel
 
@@ -67,6 +68,14 @@ class HeaveModel:
     def poles(self) -> ComplexArray:
         """Poles of zddot/theta [rad/s]; the paper lists one more at 0 for the height z itself."""
         return self.state_space.poles
+
+    @cached_property
+    def partial_fractions(self) -> PartialFractions:
+        """zddot/theta as a sum over its poles."""
+        model = self.state_space
+        lam, T = np.linalg.eig(model.A)
+        residues = (model.C @ T) * np.linalg.solve(T, model.B.astype(complex))
+        return PartialFractions(lam.astype(complex), residues.astype(complex), model.D)
 
     @cached_property
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:

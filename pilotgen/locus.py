@@ -16,16 +16,17 @@ from functools import cache, cached_property
 import numpy as np
 import numpy.typing as npt
 
+from pilotgen.partial_fractions import PartialFractions
 from pilotgen.statespace import ComplexArray, FloatArray, StateSpaceModel
 
 BoolArray = npt.NDArray[np.bool_]
+_Values = tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]  # L, dL/dx, sum of moduli, d2L/dx2
 
 _EPS = float(np.finfo(float).eps)
 _SPACING = 0.25  # grid spacing over distance to the nearest pole; interpolation error about spacing^4 / 16 of a residue
 FIRST_ERROR = 0.03  # assumed interpolation error on the first grid, relative to the largest coefficient
 _AXIS = 1e-10  # a pole this close to the imaginary axis, relative to its modulus, is on it
 _VANISHING = 1e-12  # a moment below this fraction of what its terms' moduli could give is zero
-_SMALL = 16  # states up to which inverting the n x n matrices in a batch beats substitution
 
 _NEAR_END = np.array([1.0 / 64.0, 1.0 / 8.0, 1.0 / 2.0])  # extra points of the first interval and of the tail
 GUESS_POINTS = 33  # samples of an interpolant on one interval, for first guesses
@@ -120,15 +121,14 @@ class Locus:
     ----------
     model : StateSpaceModel
         The loop, one input and output, at least one state.
+    fractions : PartialFractions, optional
+        The same loop in that form; without it, values come from the Schur form.
     """
 
-    def __init__(self, model: StateSpaceModel) -> None:
-        form = model.schur
+    def __init__(self, model: StateSpaceModel, fractions: PartialFractions | None = None) -> None:
         self.model = model
-        self.T, self.b, self.c, self.D = form.T, form.b, form.c, model.D
-        self.n = model.n_states
-        self._j_eye = 1j * np.eye(self.n)
-        self.poles = np.diagonal(self.T)
+        self.fractions = fractions
+        self.poles = fractions.all_poles if fractions is not None else np.diagonal(model.schur.T)
         modulus = np.abs(self.poles)
         self.top_pole = float(modulus.max())
         self.at_origin = modulus <= _AXIS * self.top_pole
@@ -142,38 +142,65 @@ class Locus:
 
     def first(self, x: FloatArray, tail: BoolArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """L, dL/dx, and the sum of the moduli of the terms of L (for its round-off), each shape (m,)."""
-        L, slope, size, _ = self._evaluate(x, tail, False)
+        evaluate = self._schur if self.fractions is None else self._sum
+        L, slope, size, _ = evaluate(x, tail, False)
         return L, slope, size
 
-    def second(self, x: FloatArray, tail: BoolArray) -> tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]:
+    def second(self, x: FloatArray, tail: BoolArray) -> _Values:
         """L, dL/dx, the sum of moduli and d2L/dx2, each shape (m,)."""
-        return self._evaluate(x, tail, True)
+        evaluate = self._schur if self.fractions is None else self._sum
+        return evaluate(x, tail, True)
 
-    def _evaluate(
-        self, x: FloatArray, tail: BoolArray, twice: bool
-    ) -> tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]:
+    def _sum(self, x: FloatArray, tail: BoolArray, twice: bool) -> _Values:
+        """From partial fractions, with R = 1 / (jp - q pole), omega = p/q."""
+        f = self.fractions
+        assert f is not None
         some_tail = bool(tail.any())
         p, q = (np.where(tail, 1.0, x), np.where(tail, x, 1.0)) if some_tail else (x, np.ones_like(x))
-        if self.n <= _SMALL:
-            # X = (jp - qT)^-1 b, Y = c (jp - qT)^-1, Z = (jp - qT)^-1 X
-            R = np.linalg.inv(np.multiply.outer(p, self._j_eye) - np.multiply.outer(q, self.T))
-            X, Y = R @ self.b, self.c @ R
-            Z = (R @ X[:, :, None])[:, :, 0] if twice else X
-        else:
-            X, Y, Z = self._substitute(p, q, twice)
-        terms = self.c * X * q[:, None]
-        slope = -1j * np.einsum("mi,mi->m", X, Y)
-        # d2L/domega2 = -2 c R^3 b; d2L/dt2 = 2j c R^3 T b
-        curvature = -2.0 * np.einsum("mi,mi->m", Y, Z) if twice else slope
-        if some_tail:
+        jp = (1j * p)[:, None]
+        R = 1.0 / (jp - (q[:, None] * f.poles if some_tail else f.poles))
+        terms = R * (q[:, None] * f.residues if some_tail else f.residues)
+        L, size = f.D + terms.sum(axis=1), abs(f.D) + np.abs(terms).sum(axis=1)
+        R_squared = R * R
+        slope = -1j * (R_squared @ f.residues)
+        curvature = slope
+        if twice:
+            R_cubed = R_squared * R
+            curvature = -2.0 * (R_cubed @ f.residues)
+            if some_tail:
+                curvature = np.where(tail, 2j * (R_cubed @ (f.poles * f.residues)), curvature)
+        if f.second != 0.0:
+            r = R[:, 0]
+            once = f.second * r * r
+            term = q * q * once
+            L, size = L + term, size + np.abs(term)
+            slope = slope - 2j * q * once * r
             if twice:
-                curvature = np.where(tail, 2j * np.einsum("mi,mi->m", Y, Z @ self.T.T), curvature)
-            slope = np.where(tail, -slope, slope)
-        return self.D + terms.sum(axis=1), slope, abs(self.D) + np.abs(terms).sum(axis=1), curvature
+                change = -6.0 * once * r * r
+                if some_tail:
+                    change = np.where(tail, 2j * once * r * (1.0 + 3.0 * x * f.poles[0] * r), change)
+                curvature = curvature + change
+        return L, np.where(tail, -slope, slope) if some_tail else slope, size, curvature
+
+    def _schur(self, x: FloatArray, tail: BoolArray, twice: bool) -> _Values:
+        """From the Schur form: X = (jp - qT)^-1 b, Y = c (jp - qT)^-1, Z = (jp - qT)^-1 X, omega = p/q."""
+        form, D = self.model.schur, self.model.D
+        p, q = np.where(tail, 1.0, x), np.where(tail, x, 1.0)
+        X, Y, Z = self._substitute(p, q, twice)
+        terms = form.c * X * q[:, None]
+        slope = np.where(tail, 1j, -1j) * (X * Y).sum(axis=1)
+        curvature = slope
+        if twice:
+            # d2L/domega2 = -2 c R^3 b; d2L/dt2 = 2j c R^3 T b
+            curvature = -2.0 * (Y * Z).sum(axis=1)
+            if tail.any():
+                curvature = np.where(tail, 2j * (Y * (Z @ form.T.T)).sum(axis=1), curvature)
+        return D + terms.sum(axis=1), slope, abs(D) + np.abs(terms).sum(axis=1), curvature
 
     def _substitute(self, p: FloatArray, q: FloatArray, twice: bool) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """The same three by substitution in T, all points at once: work n^2 a point."""
-        T, n = self.T, self.n
+        """X, Y and Z by substitution in T, all points at once: work n^2 a point."""
+        form, n = self.model.schur, self.model.n_states
+        T, c = form.T, form.c
         pivot = 1.0 / (1j * p - q * np.diagonal(T)[:, None])
 
         def back(right: ComplexArray) -> ComplexArray:
@@ -182,10 +209,10 @@ class Locus:
                 out[k] = (right[k] + q * (T[k, k + 1 :] @ out[k + 1 :])) * pivot[k]
             return out
 
-        X = back(self.b[:, None])
+        X = back(form.b[:, None])
         Y = np.empty((n, p.size), dtype=complex)
         for k in range(n):
-            Y[k] = (self.c[k] + q * (T[:k, k] @ Y[:k])) * pivot[k]
+            Y[k] = (c[k] + q * (T[:k, k] @ Y[:k])) * pivot[k]
         return X.T, Y.T, back(X).T if twice else X.T
 
     def _end_at_zero(self, inverse: FloatArray) -> End | None:

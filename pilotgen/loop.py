@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotgen.helicopter import HeaveModel
+from pilotgen.partial_fractions import PartialFractions
 from pilotgen.statespace import ComplexArray, StateSpaceModel, series
 
 
@@ -31,12 +32,15 @@ class LoopModel:
         G0, blade pitch per grip travel [rad/m].
     lever_length_m : float
         l_phi, hinge to grip [m]; theta = G0 l_phi phi.
+    pilot_fractions : PartialFractions, optional
+        The pilot once more, in a form that is quicker to evaluate.
     """
 
     pilot: StateSpaceModel
     helicopter: HeaveModel
     gearing_rad_per_m: float
     lever_length_m: float
+    pilot_fractions: PartialFractions | None = None
 
     @property
     def gearing(self) -> float:
@@ -47,6 +51,14 @@ class LoopModel:
     def open_loop(self) -> StateSpaceModel:
         """L(s), cut at the seat acceleration; states [pilot, helicopter]."""
         return series(self.pilot, self.helicopter.state_space).scaled(-self.gearing)
+
+    @cached_property
+    def partial_fractions(self) -> PartialFractions | None:
+        """L(s) as a sum of partial fractions; None where poles are too close to each other for it."""
+        if self.pilot_fractions is None:
+            return None
+        both = self.pilot_fractions.times(self.helicopter.partial_fractions)
+        return both.scaled(-self.gearing) if both is not None and both.apart else None
 
     @cached_property
     def closed_loop_poles(self) -> ComplexArray:

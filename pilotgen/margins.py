@@ -155,7 +155,7 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     if model.n_states == 0 or not model.B.any() or not model.C.any():
         features = _constant(model.D)
     else:
-        features = locus_features(model)
+        features = locus_features(model, loop.partial_fractions if isinstance(loop, LoopModel) else None)
     sign = 1.0 if stable else -1.0
 
     axis, circle = features.real_axis, features.unit_circle

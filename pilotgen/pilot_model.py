@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from pilotgen.descriptor import Complexes, Floats
 from pilotgen.errors import EvaluationError, FileError, MatrixError
+from pilotgen.partial_fractions import PartialFractions, washout
 
 if TYPE_CHECKING:
     import control
@@ -153,6 +154,14 @@ class PilotModel:
     def grip_motion(self, omega: ArrayLike, washout: bool = False) -> Complexes:
         """Return the motion of the collective grip [m per m/s^2], by default without washout, as measured on people."""
         return self.lever_length_m * self.response(omega, 0, washout)
+
+    def partial_fractions(self, output: int = 0) -> PartialFractions | None:
+        """One output with its filters as a sum of partial fractions; None where it has no such form."""
+        poles, residues = self._poles_and_residues
+        if residues is None or (self.washout_rad_s is None and self.integrators):
+            return None
+        own = PartialFractions(poles, residues[output].astype(np.complex128), float(self.D[output]))
+        return own if self.washout_rad_s is None else own.times(washout(self.washout_rad_s, self.integrators))
 
     # ---- state space
 

@@ -350,7 +350,9 @@ def _close_loop(bench: Workbench, model: PilotModel) -> tuple[LoopModel, Margins
     inceptor = bench.study.inceptor
     A, B, C, D = model.state_space()
     pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
-    loop = LoopModel(pilot, bench.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m)
+    loop = LoopModel(
+        pilot, bench.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions()
+    )
     return loop, margins(loop)
 
 
