@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -21,7 +21,7 @@ from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit, Inceptor
 from pilotgen.deck_text import hinge_frame, matrix, number, numbers, pose_text, template, vector, vectors
 from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, forward
-from pilotgen.limb import Limb, Muscle, Segment
+from pilotgen.limb import Limb, Segment
 from pilotgen.posture import Posture, PostureGuess, ergonomics
 from pilotgen.skeleton import Part
 
@@ -184,6 +184,7 @@ def _muscle_texts(limb: Limb) -> list[SimpleNamespace]:
     ]
 
 
+@_Latest
 def _pilot_lines(body: Body, cockpit: Cockpit) -> list[str]:
     b = body.biometrics
     lines = [
@@ -212,6 +213,7 @@ def _tenths(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}"  # no -0.0
 
 
+@_Latest
 def _posture_lines(posture: Posture) -> list[str]:
     lines = []
     for side, angles in posture.angles_by_side.items():
@@ -455,16 +457,17 @@ def _render_pilot(
         muscle_states=states,
         kp=number(gains.proportional_gain),
         kd=number(gains.derivative_gain),
-        velocity_factor=number(_velocity_factor(limb.muscles for limb in limbs)),
+        velocity_factor=number(_velocity_factor(body)),
         back_angle=number(cockpit.back_angle_deg),
         gravity=number(GRAVITY_M_PER_S2),
         seat_drive=seat_drive,
     )
 
 
-def _velocity_factor(limbs: Iterable[Sequence[Muscle]]) -> float:
+@_Latest
+def _velocity_factor(body: Body) -> float:
     """V0/L0 [1/s], one for all muscles of a pilot."""
-    factors = {round(m.V0_m_per_s / m.l0_m, 9) for muscles in limbs for m in muscles}
+    factors = {round(m.V0_m_per_s / m.l0_m, 9) for limb in body.limbs.values() for m in limb.muscles}
     if len(factors) != 1:
         raise ValueError(f"the deck has one maximum velocity over optimal length, the muscles have {sorted(factors)}")
     return factors.pop()

@@ -123,7 +123,9 @@ class Workbench:
             self._client = SolverClient(self.mbdae, directory=self.scratch)
         return self._client
 
-    def ask(self, task: str, text: str, name: str, output: Path | None = None, **options: Any) -> SolverReply:
+    def ask(
+        self, task: str, text: str, name: str, output: str | os.PathLike[str] | None = None, **options: Any
+    ) -> SolverReply:
         """One solver call; a solver that dies is started again, three times at most.
 
         The deck goes by the scratch directory, where the solver works: coding it as a JSON string and decoding it again
@@ -135,7 +137,7 @@ class Workbench:
                 reply = self.client.request(
                     task,
                     name=name,
-                    output=str(output) if output else None,
+                    output=output,
                     timeout_s=self.time_limit_s,
                     **options,
                 )
@@ -242,7 +244,7 @@ def solve_pilot(
     c = settings.matrix_coefficient_s
     text = render_trim(body, cockpit, posture, gains=gains, c=c)
     write(TRIM_DECK, text)
-    trim_file = bench.scratch / "trim.h5"  # of no use after this page; the deck makes it again
+    trim_file = f"{bench.scratch}/trim.h5"  # of no use after this page; the deck makes it again
     bench.ask("linearise", text, TRIM_DECK, trim_file, nodes=False)
     trim = read_matrices(trim_file, complete=False)
     activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
@@ -255,7 +257,7 @@ def solve_pilot(
     return SolvedPilot(biometrics, body, cockpit, posture, activations, text, matrices)
 
 
-def _linearised(bench: Workbench, text: str, name: str, path: Path) -> Matrices:
+def _linearised(bench: Workbench, text: str, name: str, path: str) -> Matrices:
     """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another."""
     bench.ask("linearise", text, name, path, nodes=False)
     try:
@@ -263,13 +265,15 @@ def _linearised(bench: Workbench, text: str, name: str, path: Path) -> Matrices:
     except FileError as error:
         raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {error}") from None
     if matrices.deck_sha256 != hashlib.sha256(text.encode()).hexdigest():
-        raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {path.name} is of another deck")
+        raise EvaluationError(
+            "matrices", f"mbdae said that it linearised {name}, but {os.path.basename(path)} is of another deck"
+        )
     return matrices
 
 
 def linearise_direct(bench: Workbench, text: str, where: Path) -> Matrices:
     """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5."""
-    matrices = _linearised(bench, text, PILOT_DECK, where / "matrices.h5")
+    matrices = _linearised(bench, text, PILOT_DECK, f"{where}/matrices.h5")
     worst = float(np.max(np.abs(matrices.equilibrium_residual)))
     if not worst < EQUILIBRIUM_LIMIT:
         index = int(np.argmax(np.abs(matrices.equilibrium_residual)))

@@ -9,7 +9,6 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import shutil
@@ -26,6 +25,7 @@ from types import TracebackType
 from typing import IO, Any
 
 import numpy as np
+import orjson
 from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, SolverError
@@ -119,7 +119,12 @@ class SolverReply:
     seconds: float
     counts: dict[str, int]
     nodes: dict[str, NodePose]
-    output: Path | None
+    output_path: str
+
+    @property
+    def output(self) -> Path | None:
+        """The file that was written, if any."""
+        return Path(self.output_path) if self.output_path else None
 
 
 class SolverClient:
@@ -204,7 +209,7 @@ class SolverClient:
             request["output"] = os.fspath(output)
         if options:
             request["options"] = options
-        line = json.dumps(request).encode() + b"\n"
+        line = orjson.dumps(request) + b"\n"
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         try:
             answer = running.exchange(line, limit_s)
@@ -395,7 +400,7 @@ def _excerpt(data: bytes) -> str:
 def _read_reply(line: bytes, request_id: int) -> SolverReply:
     """Check and convert one reply line; raises _Lost when it is not what the protocol promises."""
     try:
-        data = json.loads(line)
+        data = orjson.loads(line)
     except ValueError:
         raise _Lost(nonsense=f"not JSON: {_excerpt(line)}") from None
     if not isinstance(data, dict):
@@ -405,7 +410,6 @@ def _read_reply(line: bytes, request_id: int) -> SolverReply:
     if data.get("status") not in _STATUSES:
         raise _Lost(nonsense=f"unknown status {data.get('status')!r}")
     try:
-        output = str(data["output"])
         norm = data["residual_norm"]
         return SolverReply(
             status=str(data["status"]),
@@ -427,7 +431,7 @@ def _read_reply(line: bytes, request_id: int) -> SolverReply:
             seconds=float(data["seconds"]),
             counts={str(key): int(value) for key, value in data["counts"].items()},
             nodes=_read_poses(data["nodes"]),
-            output=Path(output) if output else None,
+            output_path=str(data["output"]),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _Lost(nonsense=f"a reply with a missing or wrong value ({type(error).__name__}: {error})") from None

@@ -243,10 +243,23 @@ def test_numbers_that_are_none_are_refused() -> None:
         with pytest.raises(ValueError, match="no place in a deck"):
             deck_text.vector(np.array([1.0, value, 0.0]))
     assert deck_text.number(1.0) == "1.0"
-    assert deck_text.number(1e-7) == "1e-07"
-    assert float(deck_text.number(0.1 + 0.2)) == 0.1 + 0.2
+    assert deck_text.number(1e-7) == "1e-7"
     values = np.array([-0.0, 0.1 + 0.2, -1e-7])
     assert deck_text.vector(values) == ", ".join(map(deck_text.number, values.tolist()))
+
+
+def test_numbers_are_read_back_to_the_last_bit() -> None:
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal((4000, 3)) * 10.0 ** rng.integers(-25, 25, (4000, 3))
+    values[:40] = rng.integers(-9, 9, (40, 3))
+    rows = deck_text.vectors(values)
+    assert np.array_equal([[float(text) for text in row.split(", ")] for row in rows], values)
+    for row, text in zip(values[:200], rows, strict=False):
+        assert deck_text.vector(row) == text == ", ".join(deck_text.numbers(row))
+        for x in row.tolist():
+            assert float(deck_text.number(x)) == x
+            assert set(deck_text.number(x)) & set(".e")  # a real number, not an integer
+            assert len(deck_text.number(x)) <= len(repr(x)) + 1
 
 
 def test_full_inertia_is_written_row_by_row() -> None:
