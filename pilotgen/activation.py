@@ -23,6 +23,7 @@ import numpy as np
 
 from pilotgen.body import SEGMENTS, Body
 from pilotgen.cockpit import Cockpit, Inceptor
+from pilotgen.descriptor import block
 from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, cross
 from pilotgen.limb import Limb
@@ -118,7 +119,7 @@ def solve_activations(matrices: Matrices, body: Body, cockpit: Cockpit, *, floor
         T = _virtual_motions(matrices, layout, limb, cockpit.torso[side], poses)
         load = _hand_load(matrices, layout, cockpit.inceptors[side], poses[f"hand_{SUFFIX[side]}"])
         residual = matrices.residual[layout.force_rows]
-        G = matrices.inputs.g_u[np.ix_(layout.force_rows, layout.muscle_columns)]
+        G = block(matrices.inputs.g_u, layout.force_rows, layout.muscle_columns)
         A, b = T.T @ G, -(T.T @ (residual + load))
         a = _least_effort(A, b, floor, side)
         values[layout.muscle_columns] = a
@@ -214,7 +215,7 @@ def _layout(
 
 def _constraint_jacobian(matrices: Matrices, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """g_y of constraint rows: they do not contain rates, so that J(c) = c g_y there."""
-    return np.asarray(matrices.J_plus[np.ix_(rows, columns)] / matrices.c)
+    return np.asarray(block(matrices.J_plus, rows, columns) / matrices.c)
 
 
 def _virtual_motions(

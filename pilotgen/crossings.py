@@ -159,8 +159,8 @@ class _Search:
         f, margin = f[i], error[i][:, None]
         positive = f[:, 0] >= 0.0
         crossed = positive != (f[:, -1] >= 0.0)
-        slope = np.diff(f, axis=1)
-        bend = np.diff(slope, axis=1)
+        slope = f[:, 1:] - f[:, :-1]
+        bend = slope[:, 1:] - slope[:, :-1]
         monotone = (slope > margin).all(axis=1) | (slope < -margin).all(axis=1)
         convex = (bend > margin).all(axis=1) | (bend < -margin).all(axis=1)
         turning = convex & ~crossed & ~v.from_end[i] & (slope[:, 0] * slope[:, -1] < 0.0)
@@ -238,10 +238,13 @@ class _Search:
         v = grid.intervals
         locus = v.P @ basis(3)
         step = (v.x1 - v.x0) / (GUESS_POINTS - 1)
-        for kind, size in ((_NEAREST, _distance(locus)), (_DISK, _disk_size(locus))):
-            lowest = size.min(axis=1)
+        height = locus.imag**2
+        distance = (1.0 + locus.real) ** 2 + height
+        disk_size = distance / np.maximum((1.0 - locus.real) ** 2 + height, _EPS**2)
+        for kind, squares in ((_NEAREST, distance), (_DISK, disk_size)):
+            lowest = np.sqrt(squares.min(axis=1))
             j = np.nonzero(lowest - np.minimum(v.error, 0.02 * lowest) <= lowest.min())[0]
-            at = size[j].argmin(axis=1)
+            at = squares[j].argmin(axis=1)
             a = v.x0[j] + step[j] * np.maximum(at - 3, 0)
             b = np.minimum(v.x0[j] + step[j] * (at + 3), v.x1[j])
             if kind == _NEAREST:  # the exact slopes at the ends tell more than the interpolant

@@ -11,6 +11,8 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -28,7 +30,7 @@ PROJECTIONS = ("exact", "literal")
 # are below 1e-12; a spring to the ground of 1e-6 of the stiffest muscle is far above.
 TRANSLATION_LIMIT = 1e-9
 CERTIFICATE_BAND_HZ = (0.1, 20.0)
-_FEWEST_CERTIFICATE_POINTS = 4  # across the band, beside the pilot's own frequencies, however few its poles are
+_FEWEST_CERTIFICATE_POINTS = 4  # however few poles the pilot has
 
 
 def make_pilot_model(
@@ -155,14 +157,19 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
         low, high = CERTIFICATE_BAND_HZ
         own = np.abs(model.poles[model.poles.imag > 0.0]) / (2.0 * np.pi)
         own = own[(own > low) & (own < high)]
-        others = max(len(model.poles) - len(own), _FEWEST_CERTIFICATE_POINTS)
-        grid = np.concatenate([np.geomspace(low, high, others), own])
+        points = max(len(model.poles), _FEWEST_CERTIFICATE_POINTS)
+        grid = np.concatenate([_across_the_band(points - len(own)), own])
     else:
         grid = np.asarray(frequencies_hz, dtype=float).reshape(-1)
     omega = 2.0 * np.pi * grid
     full = full_order_response(model.plant, omega, output)
     difference = np.abs(model.response(omega, output, washout=False) - full)
     return float(np.max(difference / np.abs(full))) if np.any(full) else float(np.max(difference))
+
+
+@cache
+def _across_the_band(points: int) -> Floats:
+    return np.geomspace(*CERTIFICATE_BAND_HZ, points)
 
 
 # ---- Mayo's pilots

@@ -255,7 +255,7 @@ class Locus:
     def _grid(self) -> tuple[FloatArray, FloatArray]:
         """Frequencies [rad/s], and the modulus of each pole on the imaginary axis (where L is infinite)."""
         start, top = 0.0, self.top_pole / _SPACING
-        poles = self.poles[~self.at_origin]
+        poles = self.poles[~self.at_origin & (self.poles.imag >= 0.0)]  # a conjugate has the same grid
         w0, modulus = np.abs(poles.imag), np.abs(poles)
         sigma = np.maximum(np.abs(poles.real), _AXIS * modulus)
         on_axis = w0[np.abs(poles.real) <= _AXIS * modulus]

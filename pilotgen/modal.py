@@ -17,7 +17,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices, Numbers
+from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices, Numbers, block
 from pilotgen.errors import MatrixError
 
 # Entries that the form of the equations of motion demands to be 0 or 1 come from sums and differences of J(+-c): exact
@@ -114,8 +114,8 @@ def second_order_form(model: DescriptorModel) -> SecondOrderForm:
     force_of_rate[dynamic, np.arange(n_p)] = 1.0
 
     # rows: equilibrium, momentum definitions, constraints; columns: coordinates, momenta, reactions
-    order = np.ix_(np.concatenate((equilibrium, definition, reactions)), np.concatenate((q, p, reactions)))
-    by_y, by_ydot = g_y[order], g_ydot[order]
+    rows, columns = np.concatenate((equilibrium, definition, reactions)), np.concatenate((q, p, reactions))
+    by_y, by_ydot = block(g_y, rows, columns), block(g_ydot, rows, columns)
     wanted_y, wanted_ydot = np.zeros_like(by_y[n_q:, n_q:]), np.zeros_like(by_ydot[:, n_q:])
     wanted_y[np.arange(n_p), np.arange(n_p)] = -1.0
     wanted_ydot[:n_q, :n_p] = force_of_rate
@@ -142,7 +142,7 @@ def _check_form(y: Floats, ydot: Floats, n_q: int, n_p: int) -> None:
     if max(np.abs(y).max(initial=0.0), np.abs(ydot).max(initial=0.0)) <= _FORM_TOLERANCE:
         return
     equilibrium, definition, constraints = slice(n_q), slice(n_q, n_q + n_p), slice(n_q + n_p, None)
-    for block, what in (
+    for part, what in (
         (y[:n_p, :n_p], "momenta in their definitions"),
         (ydot[definition, :n_p], "momenta rates in the momentum definitions"),
         (ydot[equilibrium, :n_p], "momenta rates in the equilibrium equations"),
@@ -152,7 +152,7 @@ def _check_form(y: Floats, ydot: Floats, n_q: int, n_p: int) -> None:
         (y[n_p:, n_p:], "reactions in the constraints"),
         (y[:n_p, n_p:], "reactions in the momentum definitions"),
     ):
-        worst = np.abs(block).max(initial=0.0)
+        worst = np.abs(part).max(initial=0.0)
         if worst > _FORM_TOLERANCE:
             raise MatrixError(
                 f"the matrices are not those of a multibody model: {what} differ from the expected 0 or 1 by "
@@ -308,12 +308,13 @@ def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int]
     if size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0
     if _condition(E) < 1.0 / np.sqrt(np.finfo(float).eps):
-        H = -np.linalg.solve(E, F)
-        lam = np.linalg.eigvals(H)
-        threshold = _NEGLIGIBLE * np.abs(lam).max()
-        n_zero = int(np.count_nonzero(np.abs(lam) <= threshold))
+        solved = np.linalg.solve(E, np.hstack((F, np.eye(size))))
+        H, inverse = -solved[:, :size], solved[:, size:]
+        modulus = np.abs(np.linalg.eigvals(H))
+        threshold = _NEGLIGIBLE * modulus.max()
+        n_zero = int(np.count_nonzero(modulus <= threshold))
         right, left, A = _invariant_subspace(H, threshold, n_zero)
-        return right, np.linalg.solve(E.T, left.T).T, A, n_zero, 0
+        return right, left @ inverse, A, n_zero, 0
 
     # Some direction has no mass: S = (sigma E + F)^-1 E has the eigenvalues 1 / (sigma - lam), zero for infinite lam.
     sigma = 1.1 * np.linalg.norm(F) / np.linalg.norm(E)  # [rad/s] of the size of the pencil's own eigenvalues

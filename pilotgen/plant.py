@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices
+from pilotgen.descriptor import Complexes, DescriptorModel, Floats, Indices, block
 from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.modal import SecondOrderForm, independent_constraints, second_order_form
 
@@ -176,8 +176,8 @@ def full_order_response(plant: Plant, omega: ArrayLike, output: int = 0) -> Comp
     phi_0, phi_1 = plant.g_y_imposed[free.constraint_rows], plant.g_ydot_imposed[free.constraint_rows]
     if len(plant.outputs) > 1:
         q, r = _connected(form, weights != 0.0)
-        qq, qr, rq = np.ix_(q, q), np.ix_(q, r), np.ix_(r, q)
-        M, C, K, B, Phi_0, Phi_1 = M[qq], C[qq], K[qq], B[qr], Phi_0[rq], Phi_1[rq]
+        M, C, K, B = block(M, q, q), block(C, q, q), block(K, q, q), block(B, q, r)
+        Phi_0, Phi_1 = block(Phi_0, r, q), block(Phi_1, r, q)
         weights, m_I, c_I, k_I, phi_0, phi_1 = weights[q], m_I[q], c_I[q], k_I[q], phi_0[r], phi_1[r]
     rows = independent_constraints(Phi_0 + Phi_1)
     if len(rows) < len(Phi_0):  # redundant constraints: an independent set of them says the same
