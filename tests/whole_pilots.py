@@ -75,7 +75,7 @@ def solve(
 def stronger(body: Body, factor: float) -> Body:
     """The same body with every muscle's force times `factor`."""
     limbs = {
-        side: replace(limb, muscles=tuple(replace(m, F0_N=factor * m.F0_N) for m in limb.muscles))
+        side: replace(limb, muscles=tuple(m._replace(F0_N=factor * m.F0_N) for m in limb.muscles))
         for side, limb in body.limbs.items()
     }
     return replace(body, limbs=limbs)

@@ -47,7 +47,7 @@ class Pilot:
 
 
 def weakened(limb: Limb, factor: float) -> Limb:
-    return replace(limb, muscles=tuple(replace(m, F0_N=factor * m.F0_N) for m in limb.muscles))
+    return replace(limb, muscles=tuple(m._replace(F0_N=factor * m.F0_N) for m in limb.muscles))
 
 
 def solve(
