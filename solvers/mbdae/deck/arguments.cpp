@@ -17,8 +17,14 @@ constexpr std::size_t kMostCharacters = std::size_t{256} << 20;  // of a deck wi
 constexpr std::size_t kLongestKeyword = 64;
 
 void append_lower(std::string_view word, std::string* text) {
-  for (const char c : word) *text += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  const std::size_t had = text->size();
+  text->append(word);
+  for (char *c = text->data() + had, *end = c + word.size(); c != end; ++c) {
+    *c = static_cast<char>(*c >= 'A' && *c <= 'Z' ? *c - 'A' + 'a' : *c);
+  }
 }
+
+bool ends_argument(const Token& token) { return token.is(",") || token.is(";"); }
 
 }  // namespace
 
@@ -42,16 +48,16 @@ void Input::next_token() {
 }
 
 bool Input::scan_words(std::string* text, std::string* written) {
-  Token token = tokens().peek();
-  if (token.kind != TokenKind::word) return false;
+  static_assert(kLongestKeyword + 2 < TokenStream::kInHand);  // no word has less than one letter
+  const Token* token = &tokens().peek();
+  if (token->kind != TokenKind::word) return false;
   text->clear();
-  Lexer lexer = tokens().ahead();
-  while (token.kind == TokenKind::word && text->size() <= kLongestKeyword) {
-    append_lower(token.text, text);
-    if (written != nullptr) written->append(written->empty() ? "" : " ").append(token.text);
-    token = lexer.next();
+  for (std::size_t ahead = 1; token->kind == TokenKind::word && text->size() <= kLongestKeyword; ++ahead) {
+    append_lower(token->text, text);
+    if (written != nullptr) written->append(written->empty() ? "" : " ").append(token->text);
+    token = &tokens().peek(ahead);
   }
-  return token.is(",") || token.is(";") || token.is(":") || token.kind == TokenKind::end;
+  return ends_argument(*token) || token->is(":") || token->kind == TokenKind::end;
 }
 
 std::optional<Words> Input::next_card() {
@@ -80,7 +86,7 @@ std::optional<Words> Input::next_card() {
       fail(tokens().peek().where,
            "found " + described(tokens().peek()) + " after the card name " + quoted(written) + ", expected `:` or `;`");
     }
-    return Words{text, written, token.where};
+    return Words{std::move(text), std::move(written), token.where};
   }
 }
 
@@ -123,9 +129,9 @@ void Input::skip_card() {
   const auto card_here = [this](bool after_semicolon) {
     if (tokens().peek().kind == TokenKind::end) return true;
     if (tokens().peek().kind != TokenKind::word) return false;
-    Lexer lexer = tokens().ahead();
-    Token token = lexer.next();
-    for (int i = 0; i < 8 && token.kind == TokenKind::word; ++i) token = lexer.next();
+    std::size_t ahead = 1;
+    while (ahead < 9 && tokens().peek(ahead).kind == TokenKind::word) ++ahead;
+    const Token& token = tokens().peek(ahead);
     return token.is(":") || (after_semicolon && token.is(";"));
   };
   bool after_semicolon = false;
@@ -191,11 +197,11 @@ void Input::set() {
   }
 }
 
-void Input::forget_new_symbols(std::size_t before, const std::string& declared) {
+void Input::forget_new_symbols(std::size_t before, std::string_view declared) {
   for (std::size_t i = before; i < symbols_->size(); ++i) (*symbols_)[static_cast<std::uint32_t>(i)].broken = true;
   if (!declared.empty() && !symbols_->find(declared)) {
     Variable variable;
-    variable.name = declared;
+    variable.name = std::string(declared);
     variable.broken = true;
     symbols_->add(std::move(variable));
   }
@@ -232,11 +238,9 @@ bool Input::take_empty() {
   return true;
 }
 
-bool Input::at_words() {
-  if (!words_known_) {
-    words_found_ = scan_words(&words_);
-    words_known_ = true;
-  }
+bool Input::find_words() {
+  words_found_ = scan_words(&words_);
+  words_known_ = true;
   return words_found_;
 }
 
@@ -247,14 +251,14 @@ std::optional<Words> Input::peek_words() {
   return words;
 }
 
-bool Input::take(std::string_view keyword) {
-  if (!at_words() || !same_words(words_, keyword)) return false;
+bool Input::take_words() {
   while (tokens().peek().kind == TokenKind::word) tokens().take();
   end_argument();
   return true;
 }
 
 int Input::take_any(Choices choices) {
+  if (!at_words()) return -1;
   for (std::size_t i = 0; i < choices.size(); ++i) {
     if (take(choices[i])) return static_cast<int>(i);
   }
@@ -282,8 +286,36 @@ void Input::require(const char* keyword) {
                         (words ? suggestion(words->text, choices) : ""));
 }
 
+std::optional<Value<double>> Input::plain_argument(Label* label) {
+  const Token& first = tokens().peek();
+  const std::size_t size = first.is("-") ? 2 : 1;
+  if (!ends_argument(tokens().peek(size))) return std::nullopt;
+  Value<double> value;
+  if (first.kind == TokenKind::word) {
+    const auto symbol = symbols_->find(first.text);
+    if (!symbol) return std::nullopt;
+    const Variable& variable = (*symbols_)[*symbol];
+    if (variable.broken || !variable.has_value || variable.value.type == Type::string) return std::nullopt;
+    value.type = variable.value.type;
+    value.integer = variable.value.integer;
+    value.real = variable.value.real;
+    if (label != nullptr) append_lower(first.text, &label->constant);
+  } else {
+    if (!read_number(tokens().peek(size - 1), &value)) return std::nullopt;
+    if (size == 2) {
+      value.integer = -value.integer;
+      value.real = -value.real;
+    }
+  }
+  for (std::size_t i = 0; i < size; ++i) tokens().take();
+  end_argument();
+  return value;
+}
+
 Value<double> Input::expression(const char* what, Label* label) {
   need(what);
+  // Nine arguments in ten need no tree.
+  if (std::optional<Value<double>> value = plain_argument(label)) return *std::move(value);
   const Token first = tokens().peek();
   if (first.kind == TokenKind::symbol && !first.is("(") && !first.is("-") && !first.is("+") && !first.is("!")) {
     fail(first.where, "found " + described(first) + ", expected " + what);

@@ -24,7 +24,7 @@ struct Words {
   std::string text;
   std::string written;  ///< as written, with single blanks (only of cards and by `peek_words`)
   SourcePosition where;
-  bool is(std::string_view keyword) const { return same_words(text, keyword); }
+  bool is(const char* keyword) const { return same_words(text, keyword); }
 };
 
 /// A label as it was written.
@@ -68,7 +68,7 @@ class Input {
   /// The argument is nothing at all: `,,`. Takes it.
   bool take_empty();
   /// Takes the argument if it is this keyword.
-  bool take(std::string_view keyword);
+  bool take(const char* keyword) { return at_words() && same_words(words_, keyword) && take_words(); }
   /// Takes the argument if it is one of the choices, else -1.
   int take_any(Choices choices);
   /// The argument must be one of the choices; `what` names the kind of thing ("joint type") in messages.
@@ -76,7 +76,7 @@ class Input {
   /// The argument as plain words, without taking it; nullopt if it is something else.
   std::optional<Words> peek_words();
   /// True if `peek_words` has something to give.
-  bool at_words();
+  bool at_words() { return words_known_ ? words_found_ : find_words(); }
   /// The first token of the argument.
   std::string_view peek_text() { return tokens().peek().text; }
   /// The argument must be this keyword.
@@ -126,13 +126,17 @@ class Input {
   TokenStream& tokens() { return sources_.back()->tokens; }
   void push(std::string text, const std::string& name, std::string canonical);
   bool scan_words(std::string* text, std::string* written = nullptr);
+  bool find_words();
+  bool take_words();
   [[noreturn]] void missing(const std::string& what);
   void end_argument();
   void next_token();
   /// Evaluates the expression at the argument.
   Value<double> expression(const char* what, Label* label);
+  /// The same for an argument that is just a number or a variable; nullopt, with nothing taken, if it is more.
+  std::optional<Value<double>> plain_argument(Label* label);
   Value<double> evaluated(const Expression& expression);
-  void forget_new_symbols(std::size_t before, const std::string& declared);
+  void forget_new_symbols(std::size_t before, std::string_view declared);
 
   Diagnostics& diagnostics_;
   std::shared_ptr<Symbols> symbols_;

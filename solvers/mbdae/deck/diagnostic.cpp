@@ -81,11 +81,11 @@ std::string number_text(double value) {
   return std::string(buffer.data(), end);
 }
 
-bool same_words(std::string_view words, std::string_view display) {
+bool same_spelling(std::string_view words, const char* display) {
   std::size_t i = 0;
-  for (const char c : display) {
-    if (c == ' ') continue;
-    if (i >= words.size() || words[i] != c) return false;
+  for (; *display != '\0'; ++display) {
+    if (*display == ' ') continue;
+    if (i >= words.size() || words[i] != *display) return false;
     ++i;
   }
   return i == words.size();

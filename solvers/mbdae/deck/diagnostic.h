@@ -54,8 +54,14 @@ std::string quoted(std::string_view text);
 /// A number as short as reading it back allows.
 std::string number_text(double value);
 
-/// `words` (lower case, no blanks) is the keyword `display` (which may have blanks).
-bool same_words(std::string_view words, std::string_view display);
+/// The rest of `same_words`, for words that begin alike.
+bool same_spelling(std::string_view words, const char* display);
+
+/// `words` (lower case, no blanks) is the keyword `display` (which may have blanks, but not at its beginning).
+inline bool same_words(std::string_view words, const char* display) {
+  // Nearly all comparisons of a deck end at the first letter.
+  return !words.empty() && words.front() == *display && same_spelling(words, display);
+}
 
 /// "; did you mean `x`?" when one of the choices is near to what came, otherwise "".
 std::string suggestion(std::string_view words, Choices choices);

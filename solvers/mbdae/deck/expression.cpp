@@ -72,7 +72,7 @@ struct BinaryOperator {
   int level;  ///< 0 binds weakest
 };
 
-constexpr int kLevels = 6;
+constexpr int kLevels = 6;  // of the operators below
 constexpr std::array<BinaryOperator, 14> kBinary = {{
     {"~|", Op::logical_xor, 0},
     {"||", Op::logical_or, 1},
@@ -89,6 +89,14 @@ constexpr std::array<BinaryOperator, 14> kBinary = {{
     {"/", Op::divide, 5},
     {"%", Op::modulo, 5},
 }};
+
+const BinaryOperator* find_binary(const Token& token) {
+  if (token.kind != TokenKind::symbol || token.is(",") || token.is(";")) return nullptr;
+  for (const BinaryOperator& candidate : kBinary) {
+    if (token.text == candidate.symbol) return &candidate;
+  }
+  return nullptr;
+}
 
 std::optional<Type> type_word(std::string_view word) {
   if (word == "real") return Type::real;
@@ -143,7 +151,7 @@ int ExpressionParser::statement(int depth) {
   if (token.kind != TokenKind::word) return assignment(depth);
   // A declaration starts with modifiers and a type, followed by a name: two words in a row.
   const bool modifier = token.text == "const" || token.text == "ifndef";
-  if (tokens_.ahead().next().kind != TokenKind::word) return assignment(depth);
+  if (tokens_.peek(1).kind != TokenKind::word) return assignment(depth);
   if (!modifier && !type_word(token.text)) {
     static constexpr const char* kTypes[] = {"bool", "integer", "real", "string", "const", "ifndef"};
     diagnostics_.fail(token.where, "found " + quoted(token.text) + ", expected a type: bool, integer, real, string" +
@@ -170,7 +178,7 @@ int ExpressionParser::statement(int depth) {
   if (name.kind != TokenKind::word) {
     diagnostics_.fail(name.where, "found " + described(name) + ", expected the name of a variable");
   }
-  if (depth == 0) declared_ = std::string(name.text);
+  if (depth == 0) declared_ = name.text;
   if (run_time_) diagnostics_.fail(name.where, "not supported: a declaration in a run-time expression");
   node.where = name.where;
   if (name.text == "Time" || name.text == "TimeStep" || name.text == "Step" || name.text == "Var") {
@@ -221,22 +229,17 @@ int ExpressionParser::assignment(int depth) {
   return add(node, left, right);
 }
 
-int ExpressionParser::binary(int level, int depth) {
-  if (level == kLevels) return power(depth);
-  int left = binary(level + 1, depth);
+// An operand and what operators of level `lowest` or higher make of it.
+int ExpressionParser::binary(int lowest, int depth) {
+  int left = power(depth);
   while (true) {
-    const Token& token = tokens_.peek();
-    if (token.kind != TokenKind::symbol || token.is(",") || token.is(";")) return left;
-    const BinaryOperator* found = nullptr;
-    for (const BinaryOperator& candidate : kBinary) {
-      if (candidate.level == level && token.text == candidate.symbol) found = &candidate;
-    }
-    if (found == nullptr) return left;
+    const BinaryOperator* const found = find_binary(tokens_.peek());
+    if (found == nullptr || found->level < lowest) return left;
     ExpressionNode node;
     node.op = found->op;
-    node.where = token.where;
-    tokens_.take();
-    const int right = binary(level + 1, depth);
+    node.where = tokens_.take().where;
+    // The right operand has only what binds tighter, so that a - b - c is (a - b) - c.
+    const int right = found->level + 1 < kLevels ? binary(found->level + 1, depth) : power(depth);
     left = add(node, left, right);
   }
 }
@@ -266,15 +269,26 @@ int ExpressionParser::unary(int depth) {
   return primary(depth);
 }
 
-int ExpressionParser::number() {
-  const Token token = tokens_.take();
-  ExpressionNode node;
-  node.where = token.where;
+bool read_number(const Token& token, Value<double>* value) {
   const char* const begin = token.text.data();
   const char* const end = begin + token.text.size();
   if (token.kind == TokenKind::integer) {
-    const auto result = std::from_chars(begin, end, node.integer);
-    if (result.ec != std::errc() || node.integer > INT_MAX) {
+    value->type = Type::integer;
+    return std::from_chars(begin, end, value->integer).ec == std::errc() && value->integer <= INT_MAX;
+  }
+  value->type = Type::real;
+  return token.kind == TokenKind::real && std::from_chars(begin, end, value->real).ec == std::errc();
+}
+
+int ExpressionParser::number() {
+  const Token token = tokens_.take();
+  Value<double> value;
+  const bool fits = read_number(token, &value);
+  ExpressionNode node;
+  node.where = token.where;
+  if (token.kind == TokenKind::integer) {
+    node.integer = value.integer;
+    if (!fits) {
       diagnostics_.fail(token.where, "the integer " + quoted(token.text) + " is larger than INT_MAX = 2147483647 " +
                                          "(write it with a point for a real)");
     }
@@ -282,7 +296,8 @@ int ExpressionParser::number() {
   }
   node.op = Op::real;
   node.type = Type::real;
-  if (std::from_chars(begin, end, node.real).ec != std::errc()) {
+  node.real = value.real;
+  if (!fits) {
     // Too large is an error, too small is as good as zero.
     node.real = std::strtod(std::string(token.text).c_str(), nullptr);
     if (!std::isfinite(node.real)) diagnostics_.fail(token.where, "the number " + quoted(token.text) + " is too large");

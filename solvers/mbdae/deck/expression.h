@@ -141,6 +141,9 @@ inline constexpr int kDeepestNesting = 200;
 /// Height of a tree: a sum of n terms is n high.
 inline constexpr int kHighestTree = 1000;
 
+/// The value of a number token. False if the token is no number, or one that does not fit its type.
+bool read_number(const Token& token, Value<double>* value);
+
 /// Parses from a token stream until something that does not belong to an expression.
 class ExpressionParser {
  public:
@@ -152,12 +155,12 @@ class ExpressionParser {
   /// What stands in `set:`: a declaration or an expression.
   void parse_statement() { out_.root = statement(0); }
   /// Name of the variable being declared, "" when there is none (for recovery after an error).
-  const std::string& declared() const { return declared_; }
+  std::string_view declared() const { return declared_; }
 
  private:
   int statement(int depth);
   int assignment(int depth);
-  int binary(int level, int depth);
+  int binary(int lowest, int depth);
   int power(int depth);
   int unary(int depth);
   int primary(int depth);
@@ -175,7 +178,7 @@ class ExpressionParser {
   Diagnostics& diagnostics_;
   Expression& out_;
   bool run_time_;
-  std::string declared_;
+  std::string_view declared_;
 };
 
 }  // namespace mbdae::reading

@@ -8,25 +8,34 @@
 namespace mbdae::reading {
 namespace {
 
-enum CharacterClass : unsigned char { kLetter = 1, kDigit = 2, kBlank = 4, kSymbol = 8, kPair = 16 };
+enum CharacterClass : unsigned char {
+  kLetter = 1,
+  kDigit = 2,
+  kBlank = 4,
+  kNewline = 8,
+  kSymbol = 16,
+  kPair = 32,     ///< may begin a symbol of two characters
+  kComment = 64,  ///< may begin a comment
+};
 
-/// Classes of the 256 bytes; kPair: may begin a symbol of two characters.
+/// Classes of the 256 bytes.
 constexpr std::array<unsigned char, 256> kClasses = [] {
   std::array<unsigned char, 256> table{};
   for (int c = 'a'; c <= 'z'; ++c) table[static_cast<std::size_t>(c)] = kLetter;
   for (int c = 'A'; c <= 'Z'; ++c) table[static_cast<std::size_t>(c)] = kLetter;
   table['_'] = kLetter;
   for (int c = '0'; c <= '9'; ++c) table[static_cast<std::size_t>(c)] = kDigit;
-  for (const char c : std::string_view(" \t\n\r\f\v")) table[static_cast<unsigned char>(c)] = kBlank;
+  for (const char c : std::string_view(" \t\r\f\v")) table[static_cast<unsigned char>(c)] = kBlank;
+  table['\n'] = kNewline;
   for (const char c : std::string_view(",;:()+-*/%^!=<>")) table[static_cast<unsigned char>(c)] = kSymbol;
   for (const char c : std::string_view(":=!<>&|~")) table[static_cast<unsigned char>(c)] |= kPair;
+  for (const char c : std::string_view("#/")) table[static_cast<unsigned char>(c)] |= kComment;
   return table;
 }();
 
 bool has_class(char c, unsigned classes) { return (kClasses[static_cast<unsigned char>(c)] & classes) != 0; }
 bool is_letter(char c) { return has_class(c, kLetter); }
 bool is_digit(char c) { return has_class(c, kDigit); }
-bool is_blank(char c) { return has_class(c, kBlank); }
 
 constexpr std::array<std::string_view, 8> kDoubleSymbols = {"::", "==", "!=", "<=", ">=", "&&", "||", "~|"};
 
@@ -61,15 +70,20 @@ Token Lexer::make(TokenKind kind, std::size_t begin, const SourcePosition& where
   return {kind, text_.substr(begin, position_ - begin), where};
 }
 
+void Lexer::skip(std::size_t position, unsigned classes) {
+  // In a local variable: a member would be written to memory after every character.
+  while (position < text_.size() && has_class(text_[position], classes)) ++position;
+  position_ = position;
+}
+
 bool Lexer::skip_blanks(SourcePosition* unfinished) {
   while (position_ < text_.size()) {
     const char c = text_[position_];
-    if (is_blank(c)) {
-      ++position_;
-      if (c == '\n') {
-        ++line_;
-        line_start_ = position_;
-      }
+    if (c == '\n') {
+      ++line_;
+      line_start_ = ++position_;
+    } else if (has_class(c, kBlank)) {
+      skip(position_ + 1, kBlank);
     } else if (comments_ && c == '#') {
       const std::size_t newline = text_.find('\n', position_);
       position_ = newline == std::string_view::npos ? text_.size() : newline;
@@ -92,15 +106,17 @@ bool Lexer::skip_blanks(SourcePosition* unfinished) {
 }
 
 Token Lexer::next() {
-  SourcePosition unfinished;
-  if (!skip_blanks(&unfinished)) return {TokenKind::bad, "a comment that is never closed by `*/`", unfinished};
+  if (position_ < text_.size() && has_class(text_[position_], kBlank | kNewline | kComment)) {
+    SourcePosition unfinished;
+    if (!skip_blanks(&unfinished)) return {TokenKind::bad, "a comment that is never closed by `*/`", unfinished};
+  }
   const SourcePosition where = here();
   if (position_ >= text_.size()) return {TokenKind::end, {}, where};
   const std::size_t begin = position_;
   const char c = text_[position_];
   const char d = position_ + 1 < text_.size() ? text_[position_ + 1] : '\0';
   if (is_letter(c)) {
-    while (position_ < text_.size() && (has_class(text_[position_], kLetter | kDigit))) ++position_;
+    skip(position_, kLetter | kDigit);
     return make(TokenKind::word, begin, where);
   }
   if (is_digit(c) || (c == '.' && is_digit(d))) return number(where);
@@ -123,26 +139,21 @@ Token Lexer::next() {
 Token Lexer::number(const SourcePosition& where) {
   const std::size_t begin = position_;
   bool real = false;
-  const auto digits = [this] {
-    while (position_ < text_.size() && is_digit(text_[position_])) ++position_;
-  };
-  digits();
+  skip(position_, kDigit);
   if (position_ < text_.size() && text_[position_] == '.') {
     real = true;
-    ++position_;
-    digits();
+    skip(position_ + 1, kDigit);
   }
   if (position_ < text_.size() && (text_[position_] == 'e' || text_[position_] == 'E')) {
     std::size_t digit = position_ + 1;
     if (digit < text_.size() && (text_[digit] == '+' || text_[digit] == '-')) ++digit;
     if (digit < text_.size() && is_digit(text_[digit])) {
       real = true;
-      position_ = digit;
-      digits();
+      skip(digit, kDigit);
     }
   }
   if (position_ < text_.size() && is_letter(text_[position_])) {
-    while (position_ < text_.size() && (has_class(text_[position_], kLetter | kDigit))) ++position_;
+    skip(position_, kLetter | kDigit);
     return {TokenKind::bad, "a number run into letters", where};
   }
   return make(real ? TokenKind::real : TokenKind::integer, begin, where);

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -20,7 +21,11 @@ struct Token {
   std::string_view text;
   SourcePosition where;
 
-  bool is(std::string_view symbol) const { return kind == TokenKind::symbol && text == symbol; }
+  bool is(std::string_view symbol) const {
+    // With the size of a literal, which the compiler knows, this is no call.
+    return kind == TokenKind::symbol && text.size() == symbol.size() &&
+           __builtin_memcmp(text.data(), symbol.data(), symbol.size()) == 0;
+  }
 };
 
 /// How a token is named in a message: `text`, "the end of the file", "the string `text`".
@@ -29,7 +34,7 @@ std::string described(const Token& token);
 /// The content of a string token with \" and \\ resolved.
 std::string unescaped(std::string_view raw);
 
-/// A position in a text. Small and copyable: a copy looks ahead without moving the original.
+/// A position in a text.
 class Lexer {
  public:
   /// `text` must outlive the lexer and its tokens. Comments are part of decks, not of run-time expressions.
@@ -42,6 +47,8 @@ class Lexer {
   Token make(TokenKind kind, std::size_t begin, const SourcePosition& where) const;
   /// Skips blanks and comments; false when a block comment never ends.
   bool skip_blanks(SourcePosition* unfinished);
+  /// Goes to the first character from `position` on that has none of the classes.
+  void skip(std::size_t position, unsigned classes);
   Token number(const SourcePosition& where);
   Token string(const SourcePosition& where);
 
@@ -53,33 +60,30 @@ class Lexer {
   bool comments_ = true;
 };
 
-/// A lexer with one token in hand.
+/// A lexer with the tokens in hand that somebody has looked at: each is made once.
 class TokenStream {
  public:
+  /// One more than the furthest look ahead; a power of two.
+  static constexpr std::size_t kInHand = 128;
+
   explicit TokenStream(const Lexer& lexer) : lexer_(lexer) {}
 
-  const Token& peek() {
-    if (!loaded_) {
-      token_ = lexer_.next();
-      loaded_ = true;
-    }
-    return token_;
+  /// The next token, or one `ahead` of it. It stays where it is until `kInHand` - 1 others have been taken.
+  const Token& peek(std::size_t ahead = 0) {
+    for (; count_ <= ahead; ++count_) tokens_[(first_ + count_) % kInHand] = lexer_.next();
+    return tokens_[(first_ + ahead) % kInHand];
   }
-  Token take() {
-    peek();
-    loaded_ = false;
-    return token_;
-  }
-  /// A lexer standing behind the token in hand.
-  Lexer ahead() {
-    peek();
-    return lexer_;
+  const Token& take() {
+    const Token& token = peek();
+    ++first_;
+    --count_;
+    return token;
   }
 
  private:
   Lexer lexer_;
-  Token token_;
-  bool loaded_ = false;
+  std::array<Token, kInHand> tokens_;  // a ring
+  std::size_t first_ = 0, count_ = 0;
 };
 
 }  // namespace mbdae::reading

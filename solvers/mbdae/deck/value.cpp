@@ -58,9 +58,8 @@ const char* type_name(Type type) {
   }
 }
 
-Symbols::Symbols() {
+Symbols::Symbols() : places_(1024, 0) {
   variables_.reserve(256);
-  index_.reserve(256);
   for (const RealConstant& constant : kReals) {
     add({constant.name, Value<double>::from_real(constant.value), true, true, false});
   }
@@ -72,16 +71,37 @@ Symbols::Symbols() {
 }
 
 std::optional<std::uint32_t> Symbols::find(std::string_view name) const {
-  const auto found = index_.find(name);
-  if (found == index_.end()) return std::nullopt;
-  return found->second;
+  const std::uint32_t occupant = places_[place_of(name)];
+  if (occupant == 0) return std::nullopt;
+  return occupant - 1;
 }
 
 std::uint32_t Symbols::add(Variable variable) {
   const auto index = static_cast<std::uint32_t>(variables_.size());
-  index_.emplace(variable.name, index);
   variables_.push_back(std::move(variable));
+  if (2 * variables_.size() > places_.size()) {
+    grow();
+  } else {
+    enter(index);
+  }
   return index;
+}
+
+std::size_t Symbols::place_of(std::string_view name) const {
+  const std::size_t mask = places_.size() - 1;
+  std::size_t place = std::hash<std::string_view>{}(name)&mask;
+  while (places_[place] != 0 && variables_[places_[place] - 1].name != name) place = (place + 1) & mask;
+  return place;
+}
+
+void Symbols::enter(std::uint32_t index) {
+  std::uint32_t& place = places_[place_of(variables_[index].name)];
+  if (place == 0) place = index + 1;  // of two variables with one name, which recovery after errors may make, the first
+}
+
+void Symbols::grow() {
+  places_.assign(2 * places_.size(), 0);
+  for (std::uint32_t i = 0; i < variables_.size(); ++i) enter(i);
 }
 
 }  // namespace mbdae::reading

@@ -7,7 +7,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <vector>
 
 #include "mbdae/model/drive.h"
@@ -55,16 +54,16 @@ class Symbols {
   std::size_t size() const { return variables_.size(); }
 
  private:
-  struct Hash {
-    using is_transparent = void;
-    std::size_t operator()(std::string_view text) const { return std::hash<std::string_view>{}(text); }
-  };
-  struct Equal {
-    using is_transparent = void;
-    bool operator()(std::string_view a, std::string_view b) const { return a == b; }
-  };
+  /// Where the name is in `places_`, or where it belongs.
+  std::size_t place_of(std::string_view name) const;
+  void enter(std::uint32_t index);
+  void grow();
+
   std::vector<Variable> variables_;
-  std::unordered_map<std::string, std::uint32_t, Hash, Equal> index_;
+  // A hash table with open addressing of indices plus one, 0 where nobody is; its size is a power of two, and at least
+  // half of it is free. A deck declares hundreds of variables: a node of a std::unordered_map for each would cost more
+  // than reading it.
+  std::vector<std::uint32_t> places_;
 };
 
 }  // namespace mbdae::reading
