@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "mbdae/dae/analyses.h"
+#include "mbdae/dae/linear_algebra.h"
 #include "mbdae/output/hdf5_file.h"
 #include "mbdae/output/matrices_file.h"
 #include "mbdae/output/motion_file.h"
@@ -57,9 +58,11 @@ std::string read_text_file(const std::string& path) {
 }
 
 /// SHA-256 of the deck's text followed by its includes in order of appearance.
-std::string deck_hash(std::string text, const Deck& deck) {
-  for (std::size_t i = 1; i < deck.files.size(); ++i) text += read_text_file(deck.files[i]);
-  return sha256_hex(text);
+std::string deck_hash(const std::string& text, const Deck& deck) {
+  if (deck.files.size() < 2) return sha256_hex(text);
+  std::string all = text;
+  for (std::size_t i = 1; i < deck.files.size(); ++i) all += read_text_file(deck.files[i]);
+  return sha256_hex(all);
 }
 
 /// Refuses an output whose directory cannot take it before any time is spent on the analysis.
@@ -139,7 +142,7 @@ void require_finite(const LinearisedModel& model) {
   const std::pair<const char*, const Eigen::MatrixXd*> matrices[] = {{"J(c)", &model.J_plus},
                                                                      {"J(-c)", &model.J_minus}};
   for (const auto& [what, matrix] : matrices) {
-    if (matrix->allFinite()) continue;
+    if (all_finite(matrix->data(), matrix->size())) continue;
     for (Eigen::Index col = 0; col < matrix->cols(); ++col) {
       for (Eigen::Index row = 0; row < matrix->rows(); ++row) {
         if (!std::isfinite((*matrix)(row, col))) {

@@ -253,7 +253,7 @@ TEST_CASE("a file filled again is the file made anew") {
     std::ifstream in(directory.file(name), std::ios::binary);
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  const auto make = [](double value, const std::string& text, const std::vector<std::string>& names) {
+  const auto make = [](double value, const std::string& text, const std::vector<std::string_view>& names) {
     return [=](Hdf5File& file) {
       file.root().attribute("text", text);
       file.root().dataset("a", value);
@@ -261,6 +261,8 @@ TEST_CASE("a file filled again is the file made anew") {
       group.dataset("numbers", std::vector<double>{value, 2.0 * value});
       group.dataset("names", names);
       group.dataset("none", std::vector<double>{});
+      group.dataset("matrix", Eigen::MatrixXd(value * Eigen::MatrixXd{{1.0, 2.0}, {3.0, 4.0}, {5.0, 6.0}}));
+      group.dataset("no matrix", Eigen::MatrixXd(0, 2));
     };
   };
   const auto first = make(1.0, "one", {"x", "yy"});

@@ -29,7 +29,7 @@ SUNLinearSolver_Type type(SUNLinearSolver) { return SUNLINEARSOLVER_DIRECT; }
 int setup(SUNLinearSolver solver, SUNMatrix A) {
   Content& self = content(solver);
   const MatrixMap matrix(SUNDenseMatrix_Data(A), SUNDenseMatrix_Rows(A), SUNDenseMatrix_Columns(A));
-  if (!matrix.allFinite()) return SUNLS_LUFACT_FAIL;
+  if (!all_finite(matrix.data(), matrix.size())) return SUNLS_LUFACT_FAIL;
   self.qr.reset();
   self.lu.compute(matrix);
   if (self.minimum_norm) {

@@ -15,6 +15,11 @@ constexpr double kSingular = 1e-15;
 
 }  // namespace
 
+bool all_finite(const double* data, Eigen::Index size) {
+  const Eigen::Map<const Eigen::ArrayXd> x(data, size);
+  return (x - x).sum() == 0.0;  // a difference is zero, or NaN, and then the sum is
+}
+
 bool is_singular(const Eigen::PartialPivLU<Eigen::MatrixXd>& lu) {
   const auto pivots = lu.matrixLU().diagonal().cwiseAbs();
   // Eigen's condition estimate passes over pivots that are exactly zero.

@@ -14,6 +14,9 @@ extern template class Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>;
 
 namespace mbdae {
 
+/// True if none of the numbers is infinite or NaN. Eigen's allFinite asks for each one by itself.
+bool all_finite(const double* data, Eigen::Index size);
+
 /// True if the factorised matrix is singular to working precision.
 bool is_singular(const Eigen::PartialPivLU<Eigen::MatrixXd>& lu);
 

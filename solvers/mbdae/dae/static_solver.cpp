@@ -42,6 +42,8 @@ StaticSolver::StaticSolver(Model& model, State state, const StaticOptions& optio
   scale_.reset(N_VNew_Serial(n_, context_.get()));
   matrix_.reset(SUNDenseMatrix(n_, n_, context_.get()));
   if (!vector_ || !one_ || !scale_ || !matrix_) throw std::bad_alloc();
+  // KINSOL clears the matrix before every Jacobian, entry by entry; ours writes every entry.
+  matrix_->ops->zero = [](SUNMatrix) { return 0; };
   N_VConst(1.0, one_.get());
   N_VConst(1.0, scale_.get());
   for (int k = model.reaction_start(); k < n_; ++k) N_VGetArrayPointer(scale_.get())[k] = kConstraintWeight;

@@ -28,13 +28,13 @@ bool ends_argument(const Token& token) { return token.is(",") || token.is(";"); 
 
 }  // namespace
 
-void Input::open(std::string text, const std::string& name) { push(std::move(text), name, canonical_name(name)); }
+void Input::open(std::string text, const std::string& name) { push(std::move(text), name); }
 
-void Input::push(std::string text, const std::string& name, std::string canonical) {
+void Input::push(std::string text, const std::string& name) {
   const int file = diagnostics_.add_file(name);
   characters_read_ += text.size();
-  auto source = std::make_unique<Source>(
-      Source{std::move(text), name, std::move(canonical), TokenStream(Lexer(std::string_view(), file))});
+  auto source =
+      std::make_unique<Source>(Source{std::move(text), name, {}, TokenStream(Lexer(std::string_view(), file))});
   std::string_view view = source->text;
   if (view.substr(0, 3) == "\xef\xbb\xbf") view.remove_prefix(3);  // byte order mark
   source->tokens = TokenStream(Lexer(view, file));
@@ -166,8 +166,9 @@ void Input::include() {
   const std::string name = string("a file name in quotes");
   end_card();
   const std::string path = relative_to(sources_.back()->name, name);
-  std::string canonical = canonical_name(path);
+  const std::string canonical = canonical_name(path);
   for (const auto& source : sources_) {
+    if (source->canonical.empty()) source->canonical = canonical_name(source->name);
     if (source->canonical == canonical) fail(where, "include loop: " + quoted(path) + " is being read already");
   }
   if (sources_.size() > kDeepestInclude) {
@@ -178,7 +179,7 @@ void Input::include() {
   if (characters_read_ + text.size() > kMostCharacters) {
     fail(where, "the deck and its includes are larger than 256 MiB together");
   }
-  push(std::move(text), path, std::move(canonical));
+  push(std::move(text), path);
 }
 
 void Input::set() {

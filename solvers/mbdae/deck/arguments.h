@@ -119,12 +119,12 @@ class Input {
   struct Source {
     std::string text;
     std::string name;
-    std::string canonical;
+    std::string canonical;  ///< name; empty until an include asks for it
     TokenStream tokens;
   };
 
   TokenStream& tokens() { return sources_.back()->tokens; }
-  void push(std::string text, const std::string& name, std::string canonical);
+  void push(std::string text, const std::string& name);
   bool scan_words(std::string* text, std::string* written = nullptr);
   bool find_words();
   bool take_words();

@@ -75,9 +75,8 @@ Hdf5Handle open_root(const Hdf5Handle& file) { return {H5Gopen2(file.id(), "/", 
 std::span<char> image_of(const Hdf5Handle& file) {
   void* buffer = nullptr;
   hsize_t size = 0;
-  // The first flush of a new file gives back unused space, the second one notes its end.
-  if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 || H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 ||
-      H5Fget_vfd_handle(file.id(), H5P_DEFAULT, &buffer) < 0 || H5Fget_filesize(file.id(), &size) < 0) {
+  if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 || H5Fget_vfd_handle(file.id(), H5P_DEFAULT, &buffer) < 0 ||
+      H5Fget_filesize(file.id(), &size) < 0) {
     throw FileError("HDF5: no image of the file in memory");
   }
   return {*static_cast<char* const*>(buffer), size};
@@ -129,16 +128,22 @@ Hdf5Group Hdf5Group::group(const std::string& name) {
           *record_, prefix};
 }
 
+bool Hdf5Group::has_attribute(const std::string& name, const void* data, std::size_t bytes) {
+  if (record_->next_attribute == record_->attributes.size()) throw Hdf5StructureDiffers();
+  const Hdf5Record::Attribute& known = record_->attributes[record_->next_attribute++];
+  if (known.name != prefix_ + name || known.value.size() != bytes) throw Hdf5StructureDiffers();
+  return known.value == std::string_view(static_cast<const char*>(data), bytes);
+}
+
 void Hdf5Group::write_attribute(const std::string& name, std::int64_t type, std::int64_t memory_type, const void* data,
                                 std::size_t bytes, std::span<const std::uint64_t> dimensions) {
   const std::string value(static_cast<const char*>(data), bytes);
-  if (record_->refilling) {
-    if (record_->next_attribute == record_->attributes.size()) throw Hdf5StructureDiffers();
-    Hdf5Record::Attribute& known = record_->attributes[record_->next_attribute++];
-    if (known.name != prefix_ + name || known.value.size() != bytes) throw Hdf5StructureDiffers();
-    if (known.value == value) return;
-    const Hdf5Handle attribute(H5Aopen(handle_->id(), name.c_str(), H5P_DEFAULT), H5Aclose, name.c_str());
-    if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
+  if (record_->refilling) {  // the one that `has_attribute` was asked for
+    Hdf5Record::Attribute& known = record_->attributes[record_->next_attribute - 1];
+    if (!known.handle) {
+      known.handle.emplace(H5Aopen(handle_->id(), name.c_str(), H5P_DEFAULT), H5Aclose, name.c_str());
+    }
+    if (H5Awrite(known.handle->id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
     known.value = value;
     return;
   }
@@ -146,22 +151,37 @@ void Hdf5Group::write_attribute(const std::string& name, std::int64_t type, std:
   const Hdf5Handle attribute(H5Acreate2(handle_->id(), name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT),
                              H5Aclose, name.c_str());
   if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
-  record_->attributes.push_back({prefix_ + name, value});
+  record_->attributes.push_back({prefix_ + name, value, std::nullopt});
 }
 
 void Hdf5Group::attribute(const std::string& name, const std::string& text) {
+  const std::size_t bytes = std::max<std::size_t>(text.size(), 1);  // HDF5 reads one byte of an empty text
+  if (record_->refilling && has_attribute(name, text.c_str(), bytes)) return;
   const Hdf5Handle type = string_type(text.size());
-  // An empty text still needs the one byte that HDF5 reads.
-  write_attribute(name, type.id(), type.id(), text.c_str(), std::max<std::size_t>(text.size(), 1), {});
+  write_attribute(name, type.id(), type.id(), text.c_str(), bytes, {});
 }
 
 void Hdf5Group::attribute(const std::string& name, const std::array<int, 2>& values) {
   const std::array<std::uint64_t, 1> dimensions{2};
+  if (record_->refilling && has_attribute(name, values.data(), sizeof values)) return;
   write_attribute(name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), sizeof values, dimensions);
 }
 
 void Hdf5Group::attribute(const std::string& name, double value) {
+  if (record_->refilling && has_attribute(name, &value, sizeof value)) return;
   write_attribute(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, sizeof value, {});
+}
+
+char* Hdf5Group::place(const std::string& name, char kind, std::size_t bytes,
+                       std::span<const std::uint64_t> dimensions) {
+  if (record_->next_dataset == record_->datasets.size()) throw Hdf5StructureDiffers();
+  const Hdf5Record::Dataset& known = record_->datasets[record_->next_dataset++];
+  if (known.kind != kind || known.bytes != bytes || !std::ranges::equal(known.dimensions, dimensions) ||
+      known.path.size() != prefix_.size() + name.size() || !known.path.starts_with(prefix_) ||
+      !known.path.ends_with(name)) {
+    throw Hdf5StructureDiffers();
+  }
+  return record_->image.data() + known.offset;
 }
 
 void Hdf5Group::write(const std::string& name, char kind, std::int64_t type, std::size_t item_bytes, const void* data,
@@ -169,14 +189,8 @@ void Hdf5Group::write(const std::string& name, char kind, std::int64_t type, std
   std::size_t bytes = item_bytes;
   for (const std::uint64_t size : dimensions) bytes *= size;
   if (record_->refilling) {
-    if (record_->next_dataset == record_->datasets.size()) throw Hdf5StructureDiffers();
-    const Hdf5Record::Dataset& known = record_->datasets[record_->next_dataset++];
-    if (known.kind != kind || known.bytes != bytes || !std::ranges::equal(known.dimensions, dimensions) ||
-        known.path.size() != prefix_.size() + name.size() || !known.path.starts_with(prefix_) ||
-        !known.path.ends_with(name)) {
-      throw Hdf5StructureDiffers();
-    }
-    if (bytes > 0) std::memcpy(record_->image + known.offset, data, bytes);
+    char* const to = place(name, kind, bytes, dimensions);
+    if (bytes > 0) std::memcpy(to, data, bytes);
     return;
   }
   const Hdf5Handle space = dataspace(dimensions);
@@ -214,9 +228,19 @@ void Hdf5Group::dataset(const std::string& name, const Eigen::VectorXd& values) 
 }
 
 void Hdf5Group::dataset(const std::string& name, const Eigen::MatrixXd& matrix) {
-  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
   const std::array<std::uint64_t, 2> dimensions{static_cast<std::uint64_t>(matrix.rows()),
                                                 static_cast<std::uint64_t>(matrix.cols())};
+  if (record_->refilling) {
+    const std::size_t bytes_of_row = sizeof(double) * dimensions[1];
+    char* to = place(name, 'f', dimensions[0] * bytes_of_row, dimensions);
+    Eigen::RowVectorXd row;  // numbers in the image need not be aligned
+    for (Eigen::Index i = 0; i < matrix.rows() && bytes_of_row > 0; ++i, to += bytes_of_row) {
+      row = matrix.row(i);
+      std::memcpy(to, row.data(), bytes_of_row);
+    }
+    return;
+  }
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
   write(name, 'f', H5T_IEEE_F64LE, sizeof(double), rows.data(), dimensions);
 }
 
@@ -225,14 +249,15 @@ void Hdf5Group::dataset(const std::string& name, const std::vector<int>& values)
   write(name, 'i', H5T_STD_I32LE, sizeof(int), values.data(), dimensions);
 }
 
-void Hdf5Group::dataset(const std::string& name, const std::vector<std::string>& texts) {
+void Hdf5Group::dataset(const std::string& name, const std::vector<std::string_view>& texts) {
   std::size_t length = 1;
-  for (const std::string& text : texts) length = std::max(length, text.size());
+  for (const std::string_view text : texts) length = std::max(length, text.size());
   std::string packed(length * texts.size(), '\0');
   for (std::size_t i = 0; i < texts.size(); ++i) std::copy(texts[i].begin(), texts[i].end(), &packed[i * length]);
-  const Hdf5Handle type = string_type(length);
   const std::array<std::uint64_t, 1> dimensions{texts.size()};
-  write(name, 'S', type.id(), length, packed.data(), dimensions);
+  std::optional<Hdf5Handle> type;
+  if (!record_->refilling) type.emplace(string_type(length));
+  write(name, 'S', type ? type->id() : H5I_INVALID_HID, length, packed.data(), dimensions);
 }
 
 // ---- the file ----------------------------------------------------------------------------------------------------
@@ -241,20 +266,18 @@ Hdf5File::Hdf5File(std::size_t expected_bytes)
     : file_(create_in_memory(expected_bytes)), root_(open_root(file_), record_, "") {}
 
 void Hdf5File::refill() {
-  const std::span<char> image = image_of(file_);
   if (!record_.refilling) {
     for (Hdf5Record::Dataset& known : record_.datasets) {
       if (known.bytes == 0) continue;
       const Hdf5Handle dataset(H5Dopen2(file_.id(), known.path.c_str(), H5P_DEFAULT), H5Dclose, known.path.c_str());
       known.offset = H5Dget_offset(dataset.id());
-      if (known.offset == HADDR_UNDEF || known.offset + known.bytes > image.size()) {
+      if (known.offset == HADDR_UNDEF || known.offset + known.bytes > record_.image.size()) {
         throw FileError("HDF5: dataset " + known.path + " is not in one piece");
       }
     }
   }
   record_.refilling = true;
   record_.next_dataset = record_.next_attribute = 0;
-  record_.image = image.data();
 }
 
 void Hdf5File::save(const std::string& path) {
@@ -262,7 +285,9 @@ void Hdf5File::save(const std::string& path) {
       (record_.next_dataset != record_.datasets.size() || record_.next_attribute != record_.attributes.size())) {
     throw Hdf5StructureDiffers();
   }
-  const std::span<const char> image = image_of(file_);
+  // The first flush of a new file gives back unused space, the second one notes its end.
+  if (!record_.refilling) image_of(file_);
+  const std::span<const char> image = record_.image = image_of(file_);
   const std::string part = path + ".part";
   Descriptor file(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (file.get() < 0) fail_to_write(path, errno);

@@ -11,6 +11,8 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -56,13 +58,14 @@ struct Hdf5Record {
   };
   struct Attribute {
     std::string name;
-    std::string value;  ///< its bytes
+    std::string value;                 ///< its bytes
+    std::optional<Hdf5Handle> handle;  ///< while refilling, once it has changed
   };
   std::vector<Dataset> datasets;
   std::vector<Attribute> attributes;
   bool refilling = false;
   std::size_t next_dataset = 0, next_attribute = 0;
-  char* image = nullptr;  ///< the file in memory, while refilling
+  std::span<char> image;  ///< the file in memory as it was saved last
 };
 
 /// A group of the file under construction. Names of datasets are relative to it.
@@ -87,9 +90,13 @@ class Hdf5Group {
   void dataset(const std::string& name, const std::vector<double>& values);
   void dataset(const std::string& name, const std::vector<int>& values);
   /// Fixed-length, null-padded strings as long as the longest.
-  void dataset(const std::string& name, const std::vector<std::string>& texts);
+  void dataset(const std::string& name, const std::vector<std::string_view>& texts);
 
  private:
+  /// While refilling: where in the image the values of the next dataset are, which must be this one.
+  char* place(const std::string& name, char kind, std::size_t bytes, std::span<const std::uint64_t> dimensions);
+  /// While refilling: true if the next attribute, which must be this one, has that value already.
+  bool has_attribute(const std::string& name, const void* data, std::size_t bytes);
   void write(const std::string& name, char kind, std::int64_t type, std::size_t item_bytes, const void* data,
              std::span<const std::uint64_t> dimensions);
   void write_attribute(const std::string& name, std::int64_t type, std::int64_t memory_type, const void* data,
@@ -125,10 +132,10 @@ class Hdf5File {
   Hdf5Group root_;
 };
 
-/// One member of every element of a list, for a dataset: column(model.dofs, &UnknownInfo::name).
+/// One member of every element of a list, for a dataset: column(model.dofs, &UnknownInfo::owner). Texts are not copied.
 template <typename Item, typename Value>
-std::vector<Value> column(const std::vector<Item>& items, Value Item::*member) {
-  std::vector<Value> values;
+auto column(const std::vector<Item>& items, Value Item::*member) {
+  std::vector<std::conditional_t<std::is_same_v<Value, std::string>, std::string_view, Value>> values;
   values.reserve(items.size());
   for (const Item& item : items) values.push_back(item.*member);
   return values;
