@@ -109,7 +109,8 @@ LinearisedModel describe(const Model& model, State& state, double c, const char*
 
   model.to_increments(state, eq);
   out.J_plus = eq.g_ydot + c * eq.g_y;
-  out.J_minus = eq.g_ydot - c * eq.g_y;
+  eq.g_ydot -= c * eq.g_y;
+  out.J_minus = std::move(eq.g_ydot);
   out.y = state.y;
   for (const NodeSlot& slot : model.slots()) {
     out.y.segment<3>(slot.first) = motion_of(state, slot).x;

@@ -15,7 +15,8 @@ enum CharacterClass : unsigned char {
   kNewline = 8,
   kSymbol = 16,
   kPair = 32,     ///< may begin a symbol of two characters
-  kComment = 64,  ///< may begin a comment
+  kPairEnd = 64,  ///< may end one
+  kComment = 128  ///< may begin a comment
 };
 
 /// Classes of the 256 bytes.
@@ -29,6 +30,7 @@ constexpr std::array<unsigned char, 256> kClasses = [] {
   table['\n'] = kNewline;
   for (const char c : std::string_view(",;:()+-*/%^!=<>")) table[static_cast<unsigned char>(c)] = kSymbol;
   for (const char c : std::string_view(":=!<>&|~")) table[static_cast<unsigned char>(c)] |= kPair;
+  for (const char c : std::string_view(":=&|")) table[static_cast<unsigned char>(c)] |= kPairEnd;
   for (const char c : std::string_view("#/")) table[static_cast<unsigned char>(c)] |= kComment;
   return table;
 }();
@@ -121,7 +123,7 @@ Token Lexer::next() {
   }
   if (is_digit(c) || (c == '.' && is_digit(d))) return number(where);
   if (c == '"') return string(where);
-  if (has_class(c, kPair)) {
+  if (has_class(c, kPair) && has_class(d, kPairEnd)) {
     const std::string_view two = text_.substr(position_, 2);
     for (const std::string_view symbol : kDoubleSymbols) {
       if (two != symbol) continue;
