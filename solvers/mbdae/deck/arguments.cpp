@@ -18,13 +18,14 @@ constexpr std::size_t kLongestKeyword = 64;
 
 void append_lower(std::string_view word, std::string* text) {
   const std::size_t had = text->size();
-  text->append(word);
-  for (char *c = text->data() + had, *end = c + word.size(); c != end; ++c) {
-    *c = static_cast<char>(*c >= 'A' && *c <= 'Z' ? *c - 'A' + 'a' : *c);
-  }
+  text->resize(had + word.size());
+  char* const begin = text->data() + had;
+  for (std::size_t i = 0; i < word.size(); ++i) begin[i] = lower(word[i]);
 }
 
 bool ends_argument(const Token& token) { return token.is(",") || token.is(";"); }
+
+bool ends_words(const Token& token) { return ends_argument(token) || token.is(":") || token.kind == TokenKind::end; }
 
 }  // namespace
 
@@ -39,13 +40,9 @@ void Input::push(std::string text, const std::string& name) {
   if (view.substr(0, 3) == "\xef\xbb\xbf") view.remove_prefix(3);  // byte order mark
   source->tokens = TokenStream(Lexer(view, file));
   sources_.push_back(std::move(source));
-  words_known_ = false;
 }
 
-void Input::next_token() {
-  tokens().take();
-  words_known_ = false;
-}
+void Input::next_token() { tokens().take(); }
 
 bool Input::scan_words(std::string* text, std::string* written) {
   static_assert(kLongestKeyword + 2 < TokenStream::kInHand);  // no word has less than one letter
@@ -57,7 +54,7 @@ bool Input::scan_words(std::string* text, std::string* written) {
     if (written != nullptr) written->append(written->empty() ? "" : " ").append(token->text);
     token = &tokens().peek(ahead);
   }
-  return ends_argument(*token) || token->is(":") || token->kind == TokenKind::end;
+  return ends_words(*token);
 }
 
 std::optional<Words> Input::next_card() {
@@ -67,7 +64,6 @@ std::optional<Words> Input::next_card() {
     if (token.kind == TokenKind::end) {
       if (sources_.size() == 1) return std::nullopt;
       sources_.pop_back();
-      words_known_ = false;
       continue;
     }
     if (token.is(";")) {  // an empty card
@@ -146,7 +142,6 @@ void Input::skip_card() {
     after_semicolon = tokens().peek().is(";");
     next_token();
   }
-  words_known_ = false;
 }
 
 void Input::ignore_arguments() {
@@ -186,7 +181,6 @@ void Input::set() {
   const std::size_t before = symbols_->size();
   expression_.clear();
   ExpressionParser parser(tokens(), *symbols_, diagnostics_, expression_, false);
-  words_known_ = false;
   try {
     need("a declaration (`real A = 1.`) or an assignment (`A = 2.`)");
     parser.parse_statement();
@@ -219,7 +213,6 @@ Value<double> Input::evaluated(const Expression& expression) {
 }
 
 void Input::end_argument() {
-  words_known_ = false;
   const Token& token = tokens().peek();
   after_comma_ = token.is(",");
   if (after_comma_) {
@@ -239,10 +232,9 @@ bool Input::take_empty() {
   return true;
 }
 
-bool Input::find_words() {
-  words_found_ = scan_words(&words_);
-  words_known_ = true;
-  return words_found_;
+bool Input::at_words() {
+  std::string words;
+  return scan_words(&words);
 }
 
 std::optional<Words> Input::peek_words() {
@@ -252,16 +244,27 @@ std::optional<Words> Input::peek_words() {
   return words;
 }
 
-bool Input::take_words() {
-  while (tokens().peek().kind == TokenKind::word) tokens().take();
+bool Input::take_spelled(const char* keyword) {
+  TokenStream& stream = tokens();
+  std::size_t words = 0;
+  const char* rest = keyword;
+  for (; stream.peek(words).kind == TokenKind::word; ++words) {
+    for (const char c : stream.peek(words).text) {
+      if (*rest == ' ') ++rest;
+      if (lower(c) != *rest) return false;
+      ++rest;
+    }
+  }
+  if (*rest != '\0' || !ends_words(stream.peek(words))) return false;
+  for (; words > 0; --words) stream.take();
   end_argument();
   return true;
 }
 
 int Input::take_any(Choices choices) {
-  if (!at_words()) return -1;
+  const char letter = first_letter();
   for (std::size_t i = 0; i < choices.size(); ++i) {
-    if (take(choices[i])) return static_cast<int>(i);
+    if (letter == *choices[i] && take(choices[i])) return static_cast<int>(i);
   }
   return -1;
 }
@@ -287,36 +290,36 @@ void Input::require(const char* keyword) {
                         (words ? suggestion(words->text, choices) : ""));
 }
 
-std::optional<Value<double>> Input::plain_argument(Label* label) {
-  const Token& first = tokens().peek();
+std::optional<Number> Input::plain_argument(Label* label) {
+  TokenStream& stream = tokens();
+  const Token& first = stream.peek();
   const std::size_t size = first.is("-") ? 2 : 1;
-  if (!ends_argument(tokens().peek(size))) return std::nullopt;
-  Value<double> value;
+  if (!ends_argument(stream.peek(size))) return std::nullopt;
+  Number number;
   if (first.kind == TokenKind::word) {
     const auto symbol = symbols_->find(first.text);
     if (!symbol) return std::nullopt;
     const Variable& variable = (*symbols_)[*symbol];
     if (variable.broken || !variable.has_value || variable.value.type == Type::string) return std::nullopt;
-    value.type = variable.value.type;
-    value.integer = variable.value.integer;
-    value.real = variable.value.real;
+    number = {variable.value.type, variable.value.integer, variable.value.real};
     if (label != nullptr) append_lower(first.text, &label->constant);
   } else {
-    if (!read_number(tokens().peek(size - 1), &value)) return std::nullopt;
+    if (!read_number(stream.peek(size - 1), &number)) return std::nullopt;
     if (size == 2) {
-      value.integer = -value.integer;
-      value.real = -value.real;
+      number.integer = -number.integer;
+      number.real = -number.real;
     }
   }
-  for (std::size_t i = 0; i < size; ++i) tokens().take();
+  for (std::size_t i = 0; i < size; ++i) stream.take();
   end_argument();
-  return value;
+  return number;
 }
 
 Value<double> Input::expression(const char* what, Label* label) {
   need(what);
   // Nine arguments in ten need no tree.
-  if (std::optional<Value<double>> value = plain_argument(label)) return *std::move(value);
+  if (const std::optional<Number> number = plain_argument(label))
+    return {number->type, number->integer, number->real, {}};
   const Token first = tokens().peek();
   if (first.kind == TokenKind::symbol && !first.is("(") && !first.is("-") && !first.is("+") && !first.is("!")) {
     fail(first.where, "found " + described(first) + ", expected " + what);
@@ -324,7 +327,6 @@ Value<double> Input::expression(const char* what, Label* label) {
   const std::size_t before = symbols_->size();
   expression_.clear();
   ExpressionParser parser(tokens(), *symbols_, diagnostics_, expression_, false);
-  words_known_ = false;
   try {
     const bool word = first.kind == TokenKind::word;
     if (word && !symbols_->find(first.text)) {
@@ -350,6 +352,9 @@ Value<double> Input::expression(const char* what, Label* label) {
 
 double Input::real(const char* what) {
   if (take_empty()) return 0.0;
+  if (const std::optional<Number> number = plain_argument(nullptr)) {
+    return number->type == Type::real ? number->real : static_cast<double>(number->integer);
+  }
   const SourcePosition where = this->where();
   const Value<double> value = expression(what, nullptr);
   if (value.type == Type::string) fail(where, "found the string " + quoted(value.text) + ", expected " + what);

@@ -68,7 +68,7 @@ class Input {
   /// The argument is nothing at all: `,,`. Takes it.
   bool take_empty();
   /// Takes the argument if it is this keyword.
-  bool take(const char* keyword) { return at_words() && same_words(words_, keyword) && take_words(); }
+  bool take(const char* keyword) { return first_letter() == *keyword && take_spelled(keyword); }
   /// Takes the argument if it is one of the choices, else -1.
   int take_any(Choices choices);
   /// The argument must be one of the choices; `what` names the kind of thing ("joint type") in messages.
@@ -76,7 +76,7 @@ class Input {
   /// The argument as plain words, without taking it; nullopt if it is something else.
   std::optional<Words> peek_words();
   /// True if `peek_words` has something to give.
-  bool at_words() { return words_known_ ? words_found_ : find_words(); }
+  bool at_words();
   /// The first token of the argument.
   std::string_view peek_text() { return tokens().peek().text; }
   /// The argument must be this keyword.
@@ -126,15 +126,22 @@ class Input {
   TokenStream& tokens() { return sources_.back()->tokens; }
   void push(std::string text, const std::string& name);
   bool scan_words(std::string* text, std::string* written = nullptr);
-  bool find_words();
-  bool take_words();
+  /// `take` of a keyword that begins like the argument.
+  bool take_spelled(const char* keyword);
+  /// Of the argument's first word, in lower case; '\0' when there is none. Nearly all keywords fail by it.
+  char first_letter() {
+    const Token& token = tokens().peek();
+    if (token.kind != TokenKind::word) return '\0';
+    return lower(token.text.front());
+  }
   [[noreturn]] void missing(const std::string& what);
   void end_argument();
   void next_token();
   /// Evaluates the expression at the argument.
   Value<double> expression(const char* what, Label* label);
-  /// The same for an argument that is just a number or a variable; nullopt, with nothing taken, if it is more.
-  std::optional<Value<double>> plain_argument(Label* label);
+  /// The same for an argument that is just a number or a variable with a number; nullopt, with nothing taken, for
+  /// others.
+  std::optional<Number> plain_argument(Label* label);
   Value<double> evaluated(const Expression& expression);
   void forget_new_symbols(std::size_t before, std::string_view declared);
 
@@ -146,9 +153,6 @@ class Input {
   SourcePosition card_position_;
   bool after_comma_ = false;
   bool card_has_arguments_ = false;
-  bool words_known_ = false;  // scan result below belongs to the token in hand
-  bool words_found_ = false;
-  std::string words_;
   std::size_t characters_read_ = 0;
 };
 

@@ -54,6 +54,8 @@ std::string quoted(std::string_view text);
 /// A number as short as reading it back allows.
 std::string number_text(double value);
 
+inline char lower(char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); }
+
 /// The rest of `same_words`, for words that begin alike.
 bool same_spelling(std::string_view words, const char* display);
 

@@ -215,6 +215,8 @@ int ExpressionParser::statement(int depth) {
 
 int ExpressionParser::assignment(int depth) {
   check_depth(depth);
+  const Token& first = tokens_.peek();
+  if ((first.kind == TokenKind::integer || first.kind == TokenKind::real) && tokens_.peek(1).is(";")) return number();
   const int left = binary(0, depth);
   if (!tokens_.peek().is("=")) return left;
   const Token token = tokens_.take();
@@ -269,20 +271,20 @@ int ExpressionParser::unary(int depth) {
   return primary(depth);
 }
 
-bool read_number(const Token& token, Value<double>* value) {
+bool read_number(const Token& token, Number* number) {
   const char* const begin = token.text.data();
   const char* const end = begin + token.text.size();
   if (token.kind == TokenKind::integer) {
-    value->type = Type::integer;
-    return std::from_chars(begin, end, value->integer).ec == std::errc() && value->integer <= INT_MAX;
+    number->type = Type::integer;
+    return std::from_chars(begin, end, number->integer).ec == std::errc() && number->integer <= INT_MAX;
   }
-  value->type = Type::real;
-  return token.kind == TokenKind::real && std::from_chars(begin, end, value->real).ec == std::errc();
+  number->type = Type::real;
+  return token.kind == TokenKind::real && std::from_chars(begin, end, number->real).ec == std::errc();
 }
 
 int ExpressionParser::number() {
   const Token token = tokens_.take();
-  Value<double> value;
+  Number value;
   const bool fits = read_number(token, &value);
   ExpressionNode node;
   node.where = token.where;

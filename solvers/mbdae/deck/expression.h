@@ -142,7 +142,7 @@ inline constexpr int kDeepestNesting = 200;
 inline constexpr int kHighestTree = 1000;
 
 /// The value of a number token. False if the token is no number, or one that does not fit its type.
-bool read_number(const Token& token, Value<double>* value);
+bool read_number(const Token& token, Number* number);
 
 /// Parses from a token stream until something that does not belong to an expression.
 class ExpressionParser {

@@ -69,7 +69,7 @@ std::string unescaped(std::string_view raw) {
 SourcePosition Lexer::here() const { return {file_, line_, static_cast<int>(position_ - line_start_) + 1}; }
 
 Token Lexer::make(TokenKind kind, std::size_t begin, const SourcePosition& where) const {
-  return {kind, text_.substr(begin, position_ - begin), where};
+  return {kind, {text_.data() + begin, position_ - begin}, where};
 }
 
 void Lexer::skip(std::size_t position, unsigned classes) {
@@ -118,7 +118,7 @@ Token Lexer::next() {
   const char c = text_[position_];
   const char d = position_ + 1 < text_.size() ? text_[position_ + 1] : '\0';
   if (is_letter(c)) {
-    skip(position_, kLetter | kDigit);
+    skip(position_ + 1, kLetter | kDigit);
     return make(TokenKind::word, begin, where);
   }
   if (is_digit(c) || (c == '.' && is_digit(d))) return number(where);

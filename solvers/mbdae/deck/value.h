@@ -32,6 +32,13 @@ struct Value {
   static Value from_text(std::string s) { return {Type::string, 0, Real{}, std::move(s)}; }
 };
 
+/// The value of a plain number.
+struct Number {
+  Type type = Type::integer;
+  std::int64_t integer = 0;
+  double real = 0.0;
+};
+
 /// A named value. Its type is fixed by its declaration.
 struct Variable {
   std::string name;
