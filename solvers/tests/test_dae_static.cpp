@@ -5,6 +5,7 @@
 
 #include "deck_builder.h"
 #include "mbdae/dae/analyses.h"
+#include "mbdae/dae/linear_algebra.h"
 
 using namespace mbdae;
 using namespace mbdae::test;
@@ -167,4 +168,39 @@ TEST_CASE("a dynamic deck is refused") {
   Deck deck = sprung_pendulum(2.0, 0.5, 14.0, 1.1, 0.3);
   deck.control.static_model = false;
   CHECK_THROWS_AS(solve_static(deck, {}), ModelError);
+}
+
+TEST_CASE("what is singular is told as by the condition estimate alone") {
+  int singular = 0, regular = 0;
+  for (int exponent = 0; exponent <= 20; ++exponent) {
+    for (int n = 1; n <= 30; ++n) {
+      Eigen::MatrixXd A = Eigen::MatrixXd::Random(n, n);
+      A.col(n / 2) *= std::pow(10.0, -exponent);
+      if (n > 1) A.row(n - 1) = A.row(0) + std::pow(10.0, -exponent) * A.row(n - 1).eval();
+      const Eigen::PartialPivLU<Eigen::MatrixXd> lu(A);
+      const auto pivots = lu.matrixLU().diagonal().cwiseAbs();
+      const bool expected = !(pivots.minCoeff() > 1e-15 * pivots.maxCoeff()) || !(lu.rcond() > 1e-15);
+      ++(expected ? singular : regular);
+      INFO("n = " << n << ", exponent " << exponent);
+      CHECK(is_singular(lu) == expected);
+    }
+  }
+  CHECK(singular > 100);
+  CHECK(regular > 100);
+}
+
+TEST_CASE("infinities and NaN are found anywhere") {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
+                           -std::numeric_limits<double>::infinity()}) {
+    for (int n = 1; n <= 17; ++n) {
+      Eigen::VectorXd x = Eigen::VectorXd::Constant(n, 1e308);
+      CHECK(all_finite(x.data(), n));
+      for (int i = 0; i < n; ++i) {
+        x(i) = bad;
+        CHECK_FALSE(all_finite(x.data(), n));
+        x(i) = 1e308;
+      }
+    }
+  }
+  CHECK(all_finite(nullptr, 0));
 }
