@@ -54,10 +54,10 @@ void describe_inputs(const Model& model, const State& state, LinearisedModel& ou
   for (const RodEntry* entry : muscles) {
     const Identity& id = entry->data->id;
     const MuscleValue value = entry->rod->muscle(state);
-    out.muscles.push_back({id.name, static_cast<int>(id.label), entry->rod->value(state).length, value.x, value.v,
+    out.muscles.push_back({id.name, static_cast<int>(id.label), entry->rod->length(state), value.x, value.v,
                            value.activation, value.force});
     out.inputs.push_back({"activation[" + id.name + "]", "-"});
-    entry->rod->add_activation_derivative(state, out.g_u.col(column++));
+    entry->rod->add_activation_derivative(state, value, out.g_u.col(column++));
   }
   for (const ConstraintEntry& entry : model.constraints()) {
     if (!std::holds_alternative<TotalJointData>(entry.data->kind) &&

@@ -74,7 +74,7 @@ void MotionRecorder::record(const State& state) {
   for (const RodEntry& entry : model_.rods()) {
     if (!entry.rod->is_muscle()) continue;
     const MuscleValue value = entry.rod->muscle(state);
-    row_.push_back(entry.rod->value(state).length);
+    row_.push_back(entry.rod->length(state));
     row_.push_back(value.force);
     row_.push_back(value.activation);
   }

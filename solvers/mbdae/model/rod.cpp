@@ -35,19 +35,17 @@ Rod::Scalar Rod::law(double t, double eps, double eps_rate) const {
 
 bool Rod::collapsed(const State& state) const { return geometry(state).l < 1e-12 * data_.L0; }
 
-Rod::Value Rod::value(const State& state) const {
-  const Geometry geo = geometry(state);
-  return {geo.l, law(state.t, geo.eps, geo.eps_rate).f};
-}
+double Rod::length(const State& state) const { return geometry(state).l; }
 
 MuscleValue Rod::muscle(const State& state) const {
   const Geometry geo = geometry(state);
   return evaluate(std::get<MuscleLaw>(data_.law), state.t, geo.eps, geo.eps_rate);
 }
 
-void Rod::add_activation_derivative(const State& state, Eigen::Ref<Eigen::VectorXd> column) const {
+void Rod::add_activation_derivative(const State& state, const MuscleValue& muscle,
+                                    Eigen::Ref<Eigen::VectorXd> column) const {
   const Geometry geo = geometry(state);
-  const Vec3 F = geo.u * (muscle(state).by_activation / geo.l);
+  const Vec3 F = geo.u * (muscle.by_activation / geo.l);
   add_to_g(column, node1_, -F, -geo.f1.cross(F));
   add_to_g(column, node2_, F, geo.f2.cross(F));
 }

@@ -16,20 +16,17 @@ class Rod final : public Element {
   Rod(const RodData& data, const NodeSlot& node1, const NodeSlot& node2);
   void assemble(const State& state, Equations& eq, bool tangent) const override;
 
-  /// Length [m] and force [N, tension positive] at the state.
-  struct Value {
-    double length = 0.0;
-    double force = 0.0;
-  };
-  Value value(const State& state) const;
+  /// Length at the state [m].
+  double length(const State& state) const;
 
   bool is_muscle() const { return std::holds_alternative<MuscleLaw>(data_.law); }
 
   /// The muscle's inner values; the rod's law must be a muscle.
   MuscleValue muscle(const State& state) const;
 
-  /// Adds the derivative of g with respect to the muscle's activation drive to a column.
-  void add_activation_derivative(const State& state, Eigen::Ref<Eigen::VectorXd> column) const;
+  /// Adds the derivative of g with respect to the activation drive of the muscle, whose values these are, to a column.
+  void add_activation_derivative(const State& state, const MuscleValue& muscle,
+                                 Eigen::Ref<Eigen::VectorXd> column) const;
 
   /// True if the points coincide: no direction, no force.
   bool collapsed(const State& state) const;
