@@ -57,12 +57,12 @@ bool Input::scan_words(std::string* text, std::string* written) {
   return ends_words(*token);
 }
 
-std::optional<Words> Input::next_card() {
+const Words* Input::next_card() {
   while (true) {
-    const Token token = tokens().peek();
+    const Token& token = tokens().peek();
     card_position_ = token.where;
     if (token.kind == TokenKind::end) {
-      if (sources_.size() == 1) return std::nullopt;
+      if (sources_.size() == 1) return nullptr;
       sources_.pop_back();
       continue;
     }
@@ -71,18 +71,19 @@ std::optional<Words> Input::next_card() {
       continue;
     }
     if (token.kind != TokenKind::word) fail(token.where, "found " + described(token) + ", expected a card");
-    std::string text, written;
-    scan_words(&text, &written);
+    card_.where = card_position_;
+    card_.written.clear();
+    scan_words(&card_.text, &card_.written);
     while (tokens().peek().kind == TokenKind::word) next_token();
     card_has_arguments_ = tokens().peek().is(":");
     after_comma_ = false;
     if (card_has_arguments_) {
       next_token();
     } else if (!tokens().peek().is(";")) {
-      fail(tokens().peek().where,
-           "found " + described(tokens().peek()) + " after the card name " + quoted(written) + ", expected `:` or `;`");
+      fail(tokens().peek().where, "found " + described(tokens().peek()) + " after the card name " +
+                                      quoted(card_.written) + ", expected `:` or `;`");
     }
-    return Words{std::move(text), std::move(written), token.where};
+    return &card_;
   }
 }
 

@@ -45,9 +45,9 @@ class Input {
   void open(std::string text, const std::string& name);
 
   // ---- cards
-  /// The next card's words, with includes entered and left on the way; nullopt at the end of the deck.
-  /// Afterwards the input stands at its first argument.
-  std::optional<Words> next_card();
+  /// The next card's words, with includes entered and left on the way; null at the end of the deck. They are there
+  /// until the next card is asked for. Afterwards the input stands at its first argument.
+  const Words* next_card();
   /// The card must end here; takes its `;`.
   void end_card();
   /// After an error: goes on to what looks like the next card.
@@ -151,6 +151,7 @@ class Input {
   std::vector<std::unique_ptr<Source>> sources_;
   Expression expression_;
   SourcePosition card_position_;
+  Words card_;
   bool after_comma_ = false;
   bool card_has_arguments_ = false;
   std::size_t characters_read_ = 0;

@@ -191,6 +191,7 @@ int ExpressionParser::statement(int depth) {
                                       std::string(name.text) + " = ...;` to change it, `ifndef` to keep it)");
   }
   int initial = -1;
+  const std::size_t variables = symbols_.size();
   if (tokens_.peek().is("=")) {
     tokens_.take();
     initial = assignment(depth);
@@ -205,7 +206,8 @@ int ExpressionParser::statement(int depth) {
     variable.name = std::string(name.text);
     variable.constant = node.constant;
     variable.value.type = node.type;
-    if (const auto inner = symbols_.find(name.text)) {  // its own initial value has declared it
+    // Its own initial value may have declared it.
+    if (const auto inner = symbols_.size() > variables ? symbols_.find(name.text) : std::nullopt) {
       diagnostics_.fail(name.where, "the variable " + quoted(symbols_[*inner].name) + " is declared already");
     }
     node.index = symbols_.add(std::move(variable));

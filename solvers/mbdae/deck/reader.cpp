@@ -71,8 +71,8 @@ class Reader {
     context_.input.open(std::move(text), name);
     while (!diagnostics().full()) {
       try {
-        const std::optional<Words> card = context_.input.next_card();
-        if (!card) break;
+        const Words* const card = context_.input.next_card();
+        if (card == nullptr) break;
         read_card(*card);
       } catch (const Reported&) {
         context_.input.skip_card();
