@@ -9,6 +9,8 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import importlib
 import io
 import os
@@ -20,6 +22,9 @@ from pilotgen import __version__
 from pilotgen.errors import EvaluationError, PilotgenError
 
 COMMANDS = ("pilot", "decks", "search", "sample", "compare", "rotorcraft", "calibrate", "identify", "report")
+
+# New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.
+COLLECTOR_THRESHOLD = 10_000
 
 EXIT_ERROR = 1
 EXIT_FAILED = 2
@@ -52,6 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    _hold_the_collector_back()
     code = _run(arguments)
     try:
         if sys.stdout is not None:
@@ -60,6 +66,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = code or EXIT_ERROR
     return code
+
+
+def _hold_the_collector_back() -> None:
+    """Have Python look for garbage less often, and not at its end, when hundreds of modules are taken apart."""
+    gc.set_threshold(COLLECTOR_THRESHOLD, *gc.get_threshold()[1:])
+    atexit.unregister(gc.freeze)  # once, however often this is called
+    atexit.register(gc.freeze)
 
 
 def _run(arguments: Sequence[str] | None) -> int:
