@@ -112,6 +112,14 @@ class Campaign:
     on_result: Callable[[Mapping[str, Any]], None] | None = None
     tally: Tally = field(default_factory=Tally)
 
+    def rehearse(self) -> None:
+        """Have the workers start and warm up with the study's nominal pilot while there is nothing to ask for yet.
+
+        Only with an empty journal: another one may have all the answers.
+        """
+        if not len(self.journal):
+            self.workers.rehearse(self.function, self.make_task({}))
+
     def evaluate(self, pilots: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
         """Result objects of these pilots, in their order; equal pilots are evaluated once."""
         keys = [evaluation_key(self.fingerprint, pilot) for pilot in pilots]

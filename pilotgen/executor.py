@@ -18,7 +18,7 @@ import os
 import pickle
 import signal
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -35,6 +35,8 @@ MAX_ATTEMPTS = 3
 # wait for each other to read.
 _IN_FLIGHT = 2
 _FITS_A_PIPE_BYTES = 16384
+
+_REHEARSED = b""  # what a worker sends when its rehearsal is over; answers are never empty
 
 _PATIENCE_S = 5.0  # of those who end workers, before they kill
 _PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -65,7 +67,7 @@ def _signals_wait() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(pipe: Connection, not_ours: list[Connection], parent: int, initializer: Callable[[], None] | None) -> None:
+def _work(pipe: Connection, not_ours: list[Connection], parent: int, rehearsal: Rehearsal | None) -> None:
     """A worker's life: it leaves Ctrl-C to its parent, and goes when told to or when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # solvers started here inherit this
     signal.signal(signal.SIGTERM, _leave)
@@ -75,22 +77,30 @@ def _work(pipe: Connection, not_ours: list[Connection], parent: int, initializer
         _leave()
     for other in not_ours:  # inherited; a pipe ends when its last holder is gone
         other.close()
-    if initializer is not None:
-        initializer()
+    try:
+        if rehearsal is not None:
+            _rehearse(*rehearsal)
+            pipe.send_bytes(_REHEARSED)
+        _serve(pipe)
+    except (EOFError, OSError):  # the parent wants no more
+        return
+
+
+def _serve(pipe: Connection) -> None:
     while True:
-        try:
-            message = pipe.recv_bytes()
-        except (EOFError, OSError):
-            return
+        message = pipe.recv_bytes()
         index, function, task = pickle.loads(message)
         try:
             answer = pickle.dumps((index, True, function(task)))
         except Exception as error:  # the caller's business
             answer = _as_message(index, error)
-        try:
-            pipe.send_bytes(answer)
-        except OSError:
-            return
+        pipe.send_bytes(answer)
+
+
+def _rehearse(function: Callable[[Any], Any], task: Any) -> None:
+    # What is wrong with this task is nobody's business; what is wrong with all tasks, the first one will tell.
+    with suppress(Exception):
+        function(task)
 
 
 def _as_message(index: int, error: Exception) -> bytes:
@@ -119,7 +129,12 @@ class WorkerLost:
 
 
 class Workers(Protocol):
-    """Anything that runs `function(task)` for many tasks and yields (index, result) as they finish."""
+    """Anything that runs `function(task)` for many tasks and yields (index, result) as they finish.
+
+    A rehearsal is a task without an answer, which those who have processes of their own may give them to warm up.
+    """
+
+    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None: ...
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]: ...
 
@@ -129,12 +144,18 @@ class Workers(Protocol):
 class SerialWorkers:
     """No workers at all: everything in this process, in order."""
 
+    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
+        """Nobody to warm up."""
+
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         for index, task in enumerate(tasks):
             yield index, function(task)
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+Rehearsal = tuple[Callable[[Any], Any], Any]  # a function and a task
 
 
 @dataclass
@@ -144,6 +165,7 @@ class _Worker:
     process: BaseProcess
     pipe: Connection
     given: deque[int]
+    rehearsing: bool  # not yet at the first of these
 
 
 class ProcessWorkers:
@@ -153,16 +175,18 @@ class ProcessWorkers:
     ----------
     count : int
         Number of processes.
-    initializer : callable, optional
-        Run once in every process before its first task.
     """
 
-    def __init__(self, count: int, initializer: Callable[[], None] | None = None) -> None:
+    def __init__(self, count: int) -> None:
         self.count = count
-        self._initializer = initializer
         self._workers: list[_Worker] = []
 
-    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
+        """Start the processes, each with `function(task)`, and do not wait: they are at it while we get ready."""
+        while len(self._workers) < self.count:
+            self._start((function, task))
+
+    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Generator[tuple[int, Any]]:
         """Yield (index, result) as they finish; an exception of a task is raised here."""
         waiting = deque(range(len(tasks)))
         deaths = [0] * len(tasks)
@@ -173,18 +197,22 @@ class ProcessWorkers:
                 self._hand_out(function, tasks, waiting)
                 for worker in self._ready():
                     try:
-                        index, succeeded, result = pickle.loads(worker.pipe.recv_bytes())
+                        message = worker.pipe.recv_bytes()
                     except (EOFError, OSError):  # what it had sent was read before
                         lost = self._bury(worker, waiting, deaths)
                         if lost is not None:
                             yield lost
                         continue
+                    if message == _REHEARSED:
+                        worker.rehearsing = False
+                        continue
+                    index, succeeded, result = pickle.loads(message)
                     worker.given.remove(index)
                     if not succeeded:
                         raise result
                     yield index, result
         except BaseException:  # interrupted, or nobody wants the rest: what is in the works is not waited for
-            self._stop()
+            self.stop()
             raise
 
     def close(self) -> None:
@@ -193,16 +221,24 @@ class ProcessWorkers:
             worker.pipe.close()
         self._wait_for_ends()
 
-    def _start(self) -> None:
+    def stop(self) -> None:
+        """Stop the processes now, whatever they are doing."""
+        with _signals_wait():
+            for worker in self._workers:
+                worker.process.terminate()
+                worker.pipe.close()
+            self._wait_for_ends()
+
+    def _start(self, rehearsal: Rehearsal | None = None) -> None:
         context = multiprocessing.get_context("fork")  # cheap; this process has no threads of its own
         ours, theirs = context.Pipe()
         not_ours = [ours, *(worker.pipe for worker in self._workers)]
         process = context.Process(
-            target=_work, args=(theirs, not_ours, os.getpid(), self._initializer), daemon=True, name="pilotgen worker"
+            target=_work, args=(theirs, not_ours, os.getpid(), rehearsal), daemon=True, name="pilotgen worker"
         )
         with _signals_wait():
             process.start()
-            self._workers.append(_Worker(process, ours, deque()))
+            self._workers.append(_Worker(process, ours, deque(), rehearsal is not None))
         theirs.close()
 
     def _hand_out(self, function: Callable[[Any], Any], tasks: Sequence[Any], waiting: deque[int]) -> None:
@@ -211,7 +247,7 @@ class ProcessWorkers:
                 if not waiting or len(worker.given) > depth:
                     continue
                 message = pickle.dumps((waiting[0], function, tasks[waiting[0]]))
-                if worker.given and len(message) > _FITS_A_PIPE_BYTES:
+                if (worker.given or worker.rehearsing) and len(message) > _FITS_A_PIPE_BYTES:
                     continue
                 with suppress(OSError):  # it died: `_ready` finds out
                     worker.given.append(waiting.popleft())
@@ -227,6 +263,9 @@ class ProcessWorkers:
         self._workers.remove(worker)
         worker.pipe.close()
         _end(worker.process)
+        if worker.rehearsing:  # none of its tasks was begun
+            waiting.extendleft(reversed(worker.given))
+            return None
         if not worker.given:
             return None
         at_work, *behind = worker.given
@@ -236,14 +275,6 @@ class ProcessWorkers:
             waiting.append(at_work)
             return None
         return at_work, WorkerLost(f"the worker died {MAX_ATTEMPTS} times while evaluating this pilot")
-
-    def _stop(self) -> None:
-        """Stop the processes now, whatever they are doing."""
-        with _signals_wait():
-            for worker in self._workers:
-                worker.process.terminate()
-                worker.pipe.close()
-            self._wait_for_ends()
 
     def _wait_for_ends(self) -> None:
         for worker in self._workers:

@@ -72,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             with open_journal(directory, study) as journal:
                 campaign = make_campaign(args, study, journal, workers, print_hash)
+                campaign.rehearse()
 
                 def show(*_: object, milestone: bool = False) -> None:
                     tally = campaign.tally

@@ -64,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             with open_journal(directory, study) as journal:
                 campaign = make_campaign(args, study, journal, workers, print_hash)
+                campaign.rehearse()
                 rows = search_study(args, study, campaign, directory / RESULTS_NAME, print_hash)
         finally:
             workers.close()

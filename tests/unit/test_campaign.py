@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -118,3 +119,20 @@ def test_unusable_output_directories_are_explained(tmp_path: Path) -> None:
         tmp_path.chmod(0o500)
         with pytest.raises(FileError, match="cannot be used"), locked_directory(tmp_path / "below", resume=False):
             pass
+
+
+def test_workers_rehearse_when_the_journal_is_empty_only(tmp_path: Path) -> None:
+    rehearsed: list[Any] = []
+
+    class Players(SerialWorkers):
+        def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
+            rehearsed.append((function, task))
+
+    with Journal(tmp_path / "j.sqlite") as journal:
+        campaign = Campaign(journal, Players(), evaluate, lambda values: {"stature_m": 1.8, **values}, "fingerprint")
+        campaign.rehearse()
+        assert rehearsed == [(evaluate, {"stature_m": 1.8})]
+        assert campaign.tally.done == len(journal) == 0
+        campaign.evaluate([{"stature_m": 1.7}])
+        campaign.rehearse()
+    assert len(rehearsed) == 1

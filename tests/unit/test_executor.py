@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pilotgen.executor import ProcessWorkers, SerialWorkers, WorkerLost
+from pilotgen.executor import MAX_ATTEMPTS, ProcessWorkers, SerialWorkers, WorkerLost
 
 
 def square(x: int) -> int:
@@ -129,3 +129,62 @@ def test_an_exception_that_cannot_travel_is_told() -> None:
     with pytest.raises(RuntimeError, match="Odd: 1 and 2"):
         list(workers.run(raise_odd, [1]))
     workers.close()
+
+
+def die_or_nap(task: str) -> tuple[int, float]:
+    if task == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if task == "fail":
+        raise ValueError(task)
+    begin = time.monotonic()
+    time.sleep(0.2)
+    return os.getpid(), begin
+
+
+def test_rehearsals_are_over_before_the_first_task_and_have_no_result() -> None:
+    workers = ProcessWorkers(2)
+    begin = time.monotonic()
+    workers.rehearse(die_or_nap, "nap")
+    assert time.monotonic() - begin < 0.2  # not waited for
+    answers = [answer for _, answer in workers.run(die_or_nap, ["nap", "nap"])]
+    workers.close()
+    assert len({pid for pid, _ in answers}) == 2
+    assert all(0.2 <= start - begin < 5.0 for _, start in answers)
+
+
+@pytest.mark.parametrize("what", ["die", "fail"])
+def test_what_happens_in_a_rehearsal_does_not_count(what: str) -> None:
+    workers = ProcessWorkers(2)
+    workers.rehearse(die_or_nap, what)
+    assert dict(workers.run(square, list(range(20)))) == {i: i * i for i in range(20)}
+    workers.close()
+
+
+def note_and_die(task: tuple[float, str]) -> None:
+    delay, path = task
+    time.sleep(delay)
+    with open(path, "a", encoding="utf-8") as file:
+        file.write("x")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_death_in_the_rehearsal_is_no_death_of_a_task(tmp_path: Path) -> None:
+    workers = ProcessWorkers(1)
+    workers.rehearse(note_and_die, (0.1, str(tmp_path / "rehearsed")))
+    (lost,) = workers.run(note_and_die, [(0.0, str(tmp_path / "done"))])
+    workers.close()
+    assert isinstance(lost[1], WorkerLost)
+    assert (tmp_path / "rehearsed").read_text() == "x"
+    assert (tmp_path / "done").read_text() == MAX_ATTEMPTS * "x"
+
+
+def test_workers_at_their_rehearsal_take_large_tasks_and_can_be_stopped() -> None:
+    workers = ProcessWorkers(2)
+    workers.rehearse(die_or_nap, "nap")
+    texts = ["y" * size for size in (5_000_000, 10, 3_000_000)]
+    assert dict(workers.run(len, texts)) == {0: 5_000_000, 1: 10, 2: 3_000_000}
+    workers.close()
+    workers.rehearse(time.sleep, 60.0)
+    begin = time.monotonic()
+    workers.stop()
+    assert time.monotonic() - begin < 5.0
