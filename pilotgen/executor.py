@@ -16,12 +16,13 @@ import multiprocessing
 import multiprocessing.util
 import os
 import pickle
+import select
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
@@ -180,6 +181,7 @@ class ProcessWorkers:
     def __init__(self, count: int) -> None:
         self.count = count
         self._workers: list[_Worker] = []
+        self._poll = select.poll()  # of their pipes
 
     def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
         """Start the processes, each with `function(task)`, and do not wait: they are at it while we get ready."""
@@ -239,6 +241,7 @@ class ProcessWorkers:
         with _signals_wait():
             process.start()
             self._workers.append(_Worker(process, ours, deque(), rehearsal is not None))
+            self._poll.register(ours, select.POLLIN)
         theirs.close()
 
     def _hand_out(self, function: Callable[[Any], Any], tasks: Sequence[Any], waiting: deque[int]) -> None:
@@ -255,12 +258,13 @@ class ProcessWorkers:
 
     def _ready(self) -> list[_Worker]:
         """Workers that have answered or died, at least one."""
-        by_pipe = {worker.pipe: worker for worker in self._workers}
-        return [by_pipe[pipe] for pipe in wait(list(by_pipe))]  # type: ignore[index]
+        events = dict(self._poll.poll())
+        return [worker for worker in self._workers if worker.pipe.fileno() in events]
 
     def _bury(self, worker: _Worker, waiting: deque[int], deaths: list[int]) -> tuple[int, WorkerLost] | None:
         """Forget a dead worker. The task it was at comes last, or back as lost; the one behind it is not suspected."""
         self._workers.remove(worker)
+        self._poll.unregister(worker.pipe)
         worker.pipe.close()
         _end(worker.process)
         if worker.rehearsing:  # none of its tasks was begun
@@ -280,6 +284,7 @@ class ProcessWorkers:
         for worker in self._workers:
             _end(worker.process)
         self._workers.clear()
+        self._poll = select.poll()
 
 
 def _end(process: BaseProcess) -> None:

@@ -34,6 +34,9 @@ CREATE TABLE evaluation (
 """
 
 
+_to_json = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode  # of a result object
+
+
 def evaluation_key(fingerprint: str, inputs: Mapping[str, float]) -> str:
     """Hash of everything that determines a result: the fingerprint of study, data, code and solver, and the inputs."""
     text = json.dumps([fingerprint, sorted((name, float(value).hex()) for name, value in inputs.items())])
@@ -148,7 +151,7 @@ class Journal:
                     record.key,
                     json.dumps(record.inputs),
                     record.status,
-                    json.dumps(record.result, separators=(",", ":"), allow_nan=False),
+                    _to_json(record.result),
                     record.cpu_s,
                 ),
             )

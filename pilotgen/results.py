@@ -69,10 +69,11 @@ class StudyResults:
 
 def _dig(result: Mapping[str, Any], path: Sequence[str], missing: float) -> float:
     value: Any = result
-    for key in path:
-        if not isinstance(value, Mapping) or key not in value:
-            return math.nan
-        value = value[key]
+    try:
+        for key in path:
+            value = value[key]
+    except (KeyError, TypeError):  # not there, or nothing that has parts
+        return math.nan
     return missing if value is None else float(value)
 
 

@@ -75,12 +75,11 @@ def run(args: argparse.Namespace) -> int:
                 campaign.rehearse()
 
                 def show(*_: object, milestone: bool = False) -> None:
-                    tally = campaign.tally
-                    line.update(
-                        f"{tally.done}/{args.number} pilots, {tally.failed} failed"
-                        + (f" | {left} left" if (left := line.time_left(tally.done)) else ""),
-                        milestone,
-                    )
+                    if line.due(milestone):
+                        tally = campaign.tally
+                        left = line.time_left(tally.done)
+                        text = f"{tally.done}/{args.number} pilots, {tally.failed} failed"
+                        line.update(text + (f" | {left} left" if left else ""), milestone)
 
                 campaign.on_result = show
                 attributes = attributes_of(study, "sample", print_hash, seed, "sample complete", args)

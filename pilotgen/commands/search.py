@@ -164,8 +164,8 @@ def search_study(
     generation = 0
 
     def show(milestone: bool = False) -> None:
-        left = line.time_left(campaign.tally.done)
         if line.due(milestone):
+            left = line.time_left(campaign.tally.done)
             line.update(progress_text(study, campaign, generation, best, left), milestone)
 
     def on_result(result: Mapping[str, Any]) -> None:

@@ -69,6 +69,7 @@ class Search(ABC):
         self.stopped_by = ""
         self._X = np.empty((0, problem.n_var))
         self._F = np.empty((0, problem.n_obj))
+        self._known: set[bytes] = set()  # rows of _X
         self._generation_of: list[int] = []
         self._individual_of: list[int] = []
         self._rank_at_birth: list[int] = []
@@ -120,6 +121,7 @@ class Search(ABC):
             raise ValueError("objectives must be finite: infinite margins are capped before they are ranked")
         first = len(self._X)
         new = np.arange(first, first + len(X))
+        self._known.update(x.tobytes() for x in X)
         self._X, self._F = np.concatenate((self._X, X)), np.concatenate((self._F, F))
         self._generation_of += [self.generation] * len(X)
         self._individual_of += range(len(X))
@@ -188,8 +190,7 @@ class GeneticSearch(Search):
         children = operators.mutate_some(
             children, problem.xl, problem.xu, self.settings.mutation_probability, self._stream("mutation")
         )
-        known = {x.tobytes() for x in self._X}
-        return operators.replace_copies(children, known, problem.xl, problem.xu, self._stream("replacement"))
+        return operators.replace_copies(children, self._known, problem.xl, problem.xu, self._stream("replacement"))
 
     def _survivors(self, pool: np.ndarray, new: np.ndarray) -> np.ndarray:
         return np.asarray(pool[ranking.fittest(self._F[pool], self.settings.population)])
