@@ -51,6 +51,7 @@ $(VENV)/pyvenv.cfg: | build/system.stamp
 $(VENV)/installed.stamp: build/system.stamp $(VENV)/pyvenv.cfg pyproject.toml $(SOLVER_SOURCES)
 	@echo "Building the solver and installing pilotgen into $(VENV) (about two minutes the first time)"
 	@$(BIN)/python -m pip install -qq --editable '.[test]'
+	@$(BIN)/python -m compileall -q pilotgen  # for those who have Python write no bytecode
 	@$(BIN)/pilotgen --version >/dev/null
 	@touch $@
 
