@@ -37,10 +37,10 @@ def template_directory() -> Path:
     )
 
 
-@lru_cache(maxsize=4)
-def template(name: str) -> Skeletons:
-    """A template by its file name, read once."""
-    environment = Environment(
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    """One for all templates: what they include is compiled once."""
+    return Environment(
         loader=FileSystemLoader(template_directory()),
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -49,7 +49,12 @@ def template(name: str) -> Skeletons:
         auto_reload=False,
         autoescape=False,
     )
-    return Skeletons(environment.get_template(name))
+
+
+@lru_cache(maxsize=4)
+def template(name: str) -> Skeletons:
+    """A template by its file name, read once."""
+    return Skeletons(_environment().get_template(name))
 
 
 # ---- numbers as text -------------------------------------------------------------------------------------------------
