@@ -124,8 +124,10 @@ def make_descriptor(
     MatrixError
         If a kind is not known or the momenta do not stand six places after the coordinates of their node.
     """
-    g_ydot = (J_plus + J_minus) / 2.0
-    g_y = (J_plus - J_minus) / (2.0 * c)
+    g_ydot = J_plus + J_minus
+    g_ydot *= 0.5
+    g_y = J_plus - J_minus
+    g_y /= 2.0 * c
     return DescriptorModel(
         g_y, g_ydot, names, *_roles(kinds.tobytes(), kinds.dtype.str, names.tobytes(), names.dtype.str)
     )

@@ -293,31 +293,27 @@ class _Running:
         self._in, self._out = self.process.stdin.fileno(), self.process.stdout.fileno()
         os.set_blocking(self._in, False)
         os.set_blocking(self._out, False)
+        self._poll = select.poll()
+        self._poll.register(self._out, select.POLLIN)
         self._finalizer = weakref.finalize(self, _end_process, self.process, self.owner_pid)
 
     def exchange(self, line: bytes, limit_s: float) -> bytes:
         """Send one line, receive one line; never longer than `limit_s`."""
         deadline = time.monotonic() + limit_s
-        poll = select.poll()
-        poll.register(self._out, select.POLLIN)
-        poll.register(self._in, select.POLLOUT)
-        to_send = memoryview(line)
+        to_send = self._send(memoryview(line))  # most fit into the pipe at once
+        if to_send:
+            self._poll.register(self._in, select.POLLOUT)
         received: list[bytes] = []
         size = 0
         while True:
             remaining = deadline - time.monotonic()
             if remaining <= 0.0:
                 raise _Lost(timed_out=True)
-            for fd, _event in poll.poll(1000.0 * remaining):
+            for fd, _event in self._poll.poll(1000.0 * remaining):
                 if fd == self._in:
-                    try:
-                        to_send = to_send[os.write(self._in, to_send[:65536]) :]
-                    except BlockingIOError:
-                        continue
-                    except OSError:  # nobody reads any more; what is left to read tells why
-                        to_send = to_send[:0]
+                    to_send = self._send(to_send)
                     if not to_send:
-                        poll.unregister(self._in)
+                        self._poll.unregister(self._in)
                 else:
                     try:
                         chunk = os.read(self._out, 1 << 20)
@@ -331,6 +327,15 @@ class _Running:
                         return self._one_line(b"".join(received), sent_all=not to_send)
                     if size > _LONGEST_REPLY_BYTES:
                         raise _Lost(nonsense="a reply without end")
+
+    def _send(self, data: memoryview) -> memoryview:
+        """What the pipe does not take yet."""
+        try:
+            return data[os.write(self._in, data[:65536]) :]
+        except BlockingIOError:
+            return data
+        except OSError:  # nobody reads any more; what is left to read tells why
+            return data[:0]
 
     @staticmethod
     def _one_line(received: bytes, sent_all: bool) -> bytes:
