@@ -54,9 +54,9 @@ class ActivationValues(Protocol):
 # ---- what a template knows about a control and an arm ----------------------------------------------------------------
 
 
-def _inceptor_text(inceptor: Inceptor) -> SimpleNamespace:
+def _inceptor_text(inceptor: Inceptor) -> Part:
     collective = inceptor.name == "collective"
-    return SimpleNamespace(
+    return Part(
         node="LEVER" if collective else "STICK",
         joint="LEVER_HINGE" if collective else "STICK_PIVOT",
         axis="LEVER_AXIS" if collective else "STICK_AXIS",
@@ -113,7 +113,7 @@ def _limb_text(limb: Limb, inceptor: Inceptor, torso: Pose) -> dict[str, Any]:
     return dict(
         S=S,
         side=limb.side,
-        inceptor=Part(**_inceptor_text(inceptor).__dict__),
+        inceptor=_inceptor_text(inceptor),
         labels=labels,
         control=control,
         **{name: f"{name.upper()}_{S}" for name in SEGMENTS},
