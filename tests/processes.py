@@ -21,7 +21,10 @@ PATIENCE_S = 60.0  # the machine may be busy with other things
 
 
 def start(*arguments: str | Path, **environment: str) -> subprocess.Popen[str]:
-    """Start `pilotgen` with these arguments, leader of its own process group."""
+    """Start `pilotgen` with these arguments, leader of its own process group; Ctrl-C is for it as in a terminal.
+
+    (A shell's background jobs, tests among them, ignore Ctrl-C, and so would what they start.)
+    """
     return subprocess.Popen(
         [sys.executable, "-m", "pilotgen", *map(str, arguments)],
         stdin=subprocess.DEVNULL,
@@ -29,6 +32,7 @@ def start(*arguments: str | Path, **environment: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         env={**os.environ, **environment},
     )
 
