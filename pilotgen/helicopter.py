@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotgen.errors import FileError
-from pilotgen.partial_fractions import PartialFractions
+from pilotgen.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.rotorcraft import NUMBERS, RANGES, Rotorcraft, load_rotorcraft
 from pilotgen.statespace import ComplexArray, FloatArray, StateSpaceModel
 
@@ -70,12 +70,11 @@ class HeaveModel:
         return self.state_space.poles
 
     @cached_property
-    def partial_fractions(self) -> PartialFractions:
-        """zddot/theta as a sum over its poles."""
+    def partial_fractions(self) -> PartialFractions | None:
+        """The same, theta [rad] -> zddot [m/s^2], as a sum over its poles; None if two of them are (nearly) equal."""
         model = self.state_space
-        lam, T = np.linalg.eig(model.A)
-        residues = (model.C @ T) * np.linalg.solve(T, model.B.astype(complex))
-        return PartialFractions(lam.astype(complex), residues.astype(complex), model.D)
+        poles, residues = poles_and_residues(model.A, model.B, model.C)
+        return None if residues is None else PartialFractions(poles, residues, model.D)
 
     @cached_property
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:

@@ -55,9 +55,10 @@ class LoopModel:
     @cached_property
     def partial_fractions(self) -> PartialFractions | None:
         """L(s) as a sum of partial fractions; None where poles are too close to each other for it."""
-        if self.pilot_fractions is None:
+        pilot, helicopter = self.pilot_fractions, self.helicopter.partial_fractions
+        if pilot is None or helicopter is None:
             return None
-        both = self.pilot_fractions.times(self.helicopter.partial_fractions)
+        both = pilot.times(helicopter)
         return both.scaled(-self.gearing) if both is not None and both.apart else None
 
     @cached_property

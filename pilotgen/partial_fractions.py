@@ -20,6 +20,8 @@ Complexes = NDArray[np.complex128]
 
 # Poles nearer to each other than this fraction of their modulus: cancelling residues would cost three digits or more.
 _NEAR = 1e-3
+# Below this condition number of its eigenvectors A is taken apart into poles and residues; see modal.py.
+_MAX_CONDITION = 1e5
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,28 @@ class PartialFractions:
         return PartialFractions(
             np.concatenate((a.poles, b.poles)), np.concatenate((of_a, b.residues * a.at(b.poles))), a.D * b.D, second
         )
+
+
+def poles_and_residues(
+    A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64]
+) -> tuple[Complexes, Complexes | None]:
+    """Take C (sI - A)^-1 B apart.
+
+    Parameters
+    ----------
+    A, B, C : ndarray, shapes (n, n), (n,), (n,) or (p, n)
+        Real state space, A in 1/s.
+
+    Returns
+    -------
+    tuple
+        Poles, shape (n,) [rad/s], and residues, the shape of C; None when the eigenvectors are (nearly) dependent.
+    """
+    lam, T = np.linalg.eig(A)
+    poles: Complexes = lam.astype(np.complex128)
+    if len(lam) and np.linalg.cond(T) > _MAX_CONDITION:
+        return poles, None
+    return poles, (C @ T) * np.linalg.solve(T, B.astype(np.complex128))
 
 
 def washout(corner_rad_s: float, integrators: int) -> PartialFractions:

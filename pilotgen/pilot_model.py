@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from pilotgen.descriptor import Complexes, Floats
 from pilotgen.errors import EvaluationError, FileError, MatrixError
-from pilotgen.partial_fractions import PartialFractions, washout
+from pilotgen.partial_fractions import PartialFractions, poles_and_residues, washout
 
 if TYPE_CHECKING:
     import control
@@ -34,8 +34,6 @@ FILETYPE = "pilotgen pilot model"
 VERSION = (1, 0)
 INPUT_NAME, INPUT_UNIT = "seat_heave_acceleration", "m/s^2"
 GRIP_OUTPUT = "grip_motion"
-# Below this condition number of its eigenvectors A is taken apart into poles and residues; see modal.py.
-_MAX_CONDITION = 1e5
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +79,7 @@ class PilotModel:
     def _poles_and_residues(self) -> tuple[Complexes, Complexes | None]:
         if self._modal is not None:
             return self._modal
-        lam, T = np.linalg.eig(self.A)
-        if len(lam) and np.linalg.cond(T) > _MAX_CONDITION:
-            return lam.astype(np.complex128), None
-        return lam.astype(np.complex128), (self.C @ T) * np.linalg.solve(T, self.B.astype(np.complex128))
+        return poles_and_residues(self.A, self.B, self.C)
 
     @property
     def poles(self) -> Complexes:

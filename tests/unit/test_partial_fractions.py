@@ -15,7 +15,7 @@ from pilotgen.helicopter import HeaveModel
 from pilotgen.locus import Locus
 from pilotgen.loop import LoopModel
 from pilotgen.margins import margins
-from pilotgen.partial_fractions import PartialFractions, washout
+from pilotgen.partial_fractions import PartialFractions, poles_and_residues, washout
 from pilotgen.pilot_model import PilotModel
 from pilotgen.rotorcraft import load_rotorcraft
 from pilotgen.statespace import StateSpaceModel
@@ -98,6 +98,20 @@ def test_slope_is_the_derivative() -> None:
     s, h = 1j * np.geomspace(0.1, 100.0, 9) - 0.7, 1e-4
     difference = (fractions.at(s + h) - fractions.at(s - h)) / (2.0 * h)
     np.testing.assert_allclose(fractions.slope(s), difference, rtol=1e-6)
+
+
+def test_the_rotorcraft_over_its_poles() -> None:
+    s = 1j * OMEGA
+    numerator, denominator = PUMA.transfer_function
+    assert PUMA.partial_fractions is not None
+    wanted = np.polyval(numerator, s) / np.polyval(denominator, s)
+    np.testing.assert_allclose(PUMA.partial_fractions.at(s), wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
+
+
+def test_dependent_eigenvectors_have_no_residues() -> None:
+    poles, residues = poles_and_residues(np.array([[-2.0, 1.0], [0.0, -2.0]]), np.ones(2), np.ones(2))
+    assert residues is None
+    np.testing.assert_allclose(poles, -2.0)
 
 
 @pytest.mark.parametrize("integrators", [0, 1, 2])
