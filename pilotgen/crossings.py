@@ -238,6 +238,7 @@ class _Search:
         v = grid.intervals
         locus = v.P @ basis(3)
         step = (v.x1 - v.x0) / (GUESS_POINTS - 1)
+        # squares of `_distance` and `_disk_size`: only the smallest of each interval is worth a root
         height = locus.imag**2
         distance = (1.0 + locus.real) ** 2 + height
         disk_size = distance / np.maximum((1.0 - locus.real) ** 2 + height, _EPS**2)
