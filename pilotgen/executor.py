@@ -19,7 +19,7 @@ import pickle
 import select
 import signal
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -188,7 +188,7 @@ class ProcessWorkers:
         while len(self._workers) < self.count:
             self._start((function, task))
 
-    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Generator[tuple[int, Any]]:
+    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         """Yield (index, result) as they finish; an exception of a task is raised here."""
         waiting = deque(range(len(tasks)))
         deaths = [0] * len(tasks)
@@ -214,7 +214,7 @@ class ProcessWorkers:
                         raise result
                     yield index, result
         except BaseException:  # interrupted, or nobody wants the rest: what is in the works is not waited for
-            self.stop()
+            self._stop()
             raise
 
     def close(self) -> None:
@@ -223,7 +223,7 @@ class ProcessWorkers:
             worker.pipe.close()
         self._wait_for_ends()
 
-    def stop(self) -> None:
+    def _stop(self) -> None:
         """Stop the processes now, whatever they are doing."""
         with _signals_wait():
             for worker in self._workers:

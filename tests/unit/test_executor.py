@@ -131,31 +131,39 @@ def test_an_exception_that_cannot_travel_is_told() -> None:
     workers.close()
 
 
-def die_or_nap(task: str) -> tuple[int, float]:
+def die_or_fail(task: str) -> None:
     if task == "die":
         os.kill(os.getpid(), signal.SIGKILL)
-    if task == "fail":
-        raise ValueError(task)
-    begin = time.monotonic()
-    time.sleep(0.2)
-    return os.getpid(), begin
+    raise ValueError(task)
 
 
-def test_rehearsals_are_over_before_the_first_task_and_have_no_result() -> None:
-    workers = ProcessWorkers(2)
-    begin = time.monotonic()
-    workers.rehearse(die_or_nap, "nap")
-    assert time.monotonic() - begin < 0.2  # not waited for
-    answers = [answer for _, answer in workers.run(die_or_nap, ["nap", "nap"])]
+def wait_for(marker: str) -> int:
+    """Until somebody makes the file; afterwards there is nothing to wait for."""
+    deadline = time.monotonic() + 60.0
+    while not Path(marker).exists():
+        if time.monotonic() > deadline:
+            os._exit(1)
+        time.sleep(0.005)
+    with open(f"{marker}.{os.getpid()}", "a", encoding="utf-8") as file:
+        file.write("x")
+    return os.getpid()
+
+
+def test_rehearsals_are_not_waited_for_and_have_no_result(tmp_path: Path) -> None:
+    workers, marker = ProcessWorkers(2), tmp_path / "go"
+    workers.rehearse(wait_for, str(marker))
+    marker.touch()  # had it been waited for, nobody would make this
+    answers = dict(workers.run(wait_for, [str(marker), str(marker)]))
     workers.close()
-    assert len({pid for pid, _ in answers}) == 2
-    assert all(0.2 <= start - begin < 5.0 for _, start in answers)
+    assert sorted(answers) == [0, 1]
+    for pid in answers.values():  # each worker had finished its rehearsal before it answered
+        assert len((tmp_path / f"go.{pid}").read_text()) == 1 + list(answers.values()).count(pid)
 
 
 @pytest.mark.parametrize("what", ["die", "fail"])
 def test_what_happens_in_a_rehearsal_does_not_count(what: str) -> None:
     workers = ProcessWorkers(2)
-    workers.rehearse(die_or_nap, what)
+    workers.rehearse(die_or_fail, what)
     assert dict(workers.run(square, list(range(20)))) == {i: i * i for i in range(20)}
     workers.close()
 
@@ -180,11 +188,13 @@ def test_a_death_in_the_rehearsal_is_no_death_of_a_task(tmp_path: Path) -> None:
 
 def test_workers_at_their_rehearsal_take_large_tasks_and_can_be_stopped() -> None:
     workers = ProcessWorkers(2)
-    workers.rehearse(die_or_nap, "nap")
+    workers.rehearse(time.sleep, 0.2)
     texts = ["y" * size for size in (5_000_000, 10, 3_000_000)]
     assert dict(workers.run(len, texts)) == {0: 5_000_000, 1: 10, 2: 3_000_000}
     workers.close()
     workers.rehearse(time.sleep, 60.0)
-    begin = time.monotonic()
-    workers.stop()
-    assert time.monotonic() - begin < 5.0
+    pids = [worker.process.pid for worker in workers._workers]
+    workers._stop()  # what an interrupted run does
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)  # type: ignore[arg-type]
