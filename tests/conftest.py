@@ -17,7 +17,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest  # noqa: E402
 
-from pilotgen.solver import SolverClient, find_mbdae  # noqa: E402
+from pilotgen.solver.client import SolverClient, find_mbdae  # noqa: E402
 
 
 @pytest.fixture(scope="session")

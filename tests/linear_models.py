@@ -13,10 +13,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pilotgen.descriptor import DescriptorModel
-from pilotgen.matrices import Matrices, given_tables
-from pilotgen.mbdyn_files import RawEigenanalysis, to_textbook
-from pilotgen.plant import COLLECTIVE, Channels
+from pilotgen.linear.imposed_motion import COLLECTIVE, Channels
+from pilotgen.solver.descriptor import DescriptorModel
+from pilotgen.solver.matrices import Matrices, given_tables
+from pilotgen.solver.mbdyn_files import RawEigenanalysis, to_textbook
 
 CASES = Path(__file__).parent / "data" / "mbdyn_cases"
 # Names of the golden arm's unknowns: MBDyn's files know labels only (1 = seat, 2 = lever).

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from pilotgen.journal import JOURNAL_NAME
+from pilotgen.runs.journal import JOURNAL_NAME
 
 PATIENCE_S = 60.0  # the machine may be busy with other things
 

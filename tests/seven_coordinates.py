@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
-from pilotgen.body import SEGMENTS, Body
-from pilotgen.cockpit import Cockpit
-from pilotgen.kinematics import (
+from pilotgen.anthropometry.body import SEGMENTS, Body
+from pilotgen.posture.cockpit import Cockpit
+from pilotgen.posture.kinematics import (
     MIRROR,
     arm_geometry,
     forward,
@@ -25,7 +25,7 @@ from pilotgen.kinematics import (
     muscle_lengths,
     rotation_vector,
 )
-from pilotgen.posture import Posture
+from pilotgen.posture.posture import Posture
 
 GRAVITY = 9.81
 F2_AT_REST = 1.6 * (1.0 - math.exp(-1.0))  # f2(0)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.pipeline import Workbench, evaluate
-from pilotgen.results import Row, StudyResults, columns_of, read_results, write_results
+from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.runs.results import Row, StudyResults, columns_of, read_results, write_results
 from pilotgen.search.problem import Problem, ranked_objectives
 from pilotgen.search.ranking import non_dominated_rank
-from pilotgen.study import Study, study_from_text
+from pilotgen.study.study import Study, study_from_text
 
 BOX = {
     "pilot_frequency_hz": "[2.5, 4.0]",
@@ -48,13 +48,13 @@ def write_study(
     problem = Problem.from_settings(study.search)
     rng = np.random.default_rng(7)
     rows: list[Row] = []
-    with Workbench(study) as bench:
+    with EvaluationContext(study) as context:
         for generation in range(generations):
             reach = 0.5**generation
             for individual in range(population):
                 x = problem.xl + reach * rng.random(problem.n_var) * (problem.xu - problem.xl)
                 values = problem.values(x)
-                result: Mapping[str, Any] = evaluate(bench, study.values(values)).result
+                result: Mapping[str, Any] = evaluate(context, study.values(values)).result
                 if len(rows) in failed:
                     result = FAILED
                 rows.append(Row(generation, individual, values, result))

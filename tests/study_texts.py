@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pilotgen.errors import StudyError
-from pilotgen.study import study_from_text
+from pilotgen.study.study import study_from_text
 
 MULTIBODY = """\
 study: test

@@ -8,18 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pilotgen.activation import Activations, solve_activations
-from pilotgen.biometrics import biometrics_from
-from pilotgen.body import Body, make_body
-from pilotgen.cockpit import Cockpit, make_cockpit
-from pilotgen.deck import render_direct, render_posture, render_trim
-from pilotgen.feedthrough import make_pilot_model
-from pilotgen.matrices import read_matrices
-from pilotgen.pilot_model import PilotModel
-from pilotgen.posture import Posture, first_guess, from_poses
-from pilotgen.reflex import calibrated_gains
-from pilotgen.solver import SolverClient
-from pilotgen.study import Reflex
+from pilotgen.activation.activation import Activations, solve_activations
+from pilotgen.activation.reflex import calibrated_gains
+from pilotgen.anthropometry.biometrics import biometrics_from
+from pilotgen.anthropometry.body import Body, make_body
+from pilotgen.decks.deck import render_direct, render_posture, render_trim
+from pilotgen.linear.feedthrough import make_pilot_model
+from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.posture.cockpit import Cockpit, make_cockpit
+from pilotgen.posture.posture import Posture, first_guess, from_poses
+from pilotgen.solver.client import SolverClient
+from pilotgen.solver.matrices import read_matrices
+from pilotgen.study.study import Reflex
 
 LEVER_LENGTH_M = 0.32
 NOMINAL = {"age_years": 40.0, "bmi": 24.0, "stature_m": 1.775}

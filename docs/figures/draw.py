@@ -17,14 +17,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures import all_individuals, nyquist, style
 from pilotgen.figures.identification import identification
-from pilotgen.identify import identify
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
-from pilotgen.plant import full_order_response
+from pilotgen.linear.imposed_motion import full_order_response
 from pilotgen.report.findings import worst_order
-from pilotgen.results import read_results
-from pilotgen.study import read_study, study_from_text
+from pilotgen.runs.results import read_results
+from pilotgen.study.study import read_study, study_from_text
+from pilotgen.virtual.identify import identify
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "studies" / "puma-bmi.yaml"
@@ -38,8 +38,8 @@ def projection() -> None:
     found: dict[str, Evaluation] = {}
     for name in ("exact", "literal"):
         own = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, projection=name))
-        with Workbench(own) as bench:
-            outcome = evaluate(bench, study.nominal)
+        with EvaluationContext(own) as context:
+            outcome = evaluate(context, study.nominal)
         assert isinstance(outcome, Evaluation), outcome
         found[name] = outcome
     looks = {
@@ -84,8 +84,8 @@ def projection() -> None:
 def shaken() -> None:
     """identification.png: the virtual tests at three amplitudes, muscles clipped and not."""
     study = read_study(STUDY)
-    with Workbench(study) as bench:
-        found = identify(bench, study.nominal, amplitudes_m_s2=(0.05, 1.0, 3.0), activation_check=True)
+    with EvaluationContext(study) as context:
+        found = identify(context, study.nominal, amplitudes_m_s2=(0.05, 1.0, 3.0), activation_check=True)
     style.save(identification(found), HERE / "identification.png")
 
 
@@ -97,9 +97,9 @@ def searched(path: Path) -> None:
     study = study_from_text(str(results.attributes["study_text"]), str(path))
     inputs = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
     pilots = []
-    with Workbench(study) as bench:
+    with EvaluationContext(study) as context:
         for name, values in (("nominal pilot", study.nominal), ("worst pilot", study.values(inputs))):
-            outcome = evaluate(bench, values)
+            outcome = evaluate(context, values)
             assert isinstance(outcome, Evaluation), outcome
             pilots.append((name, outcome))
     style.save(nyquist(pilots), HERE / "nyquist.png")

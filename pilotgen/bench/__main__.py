@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from pilotgen.executor import pin_threads
+from pilotgen.runs.executor import pin_threads
 
 Sheet = dict[str, Any]
 
@@ -72,8 +72,9 @@ def _parts(args: argparse.Namespace) -> list[tuple[str, Callable[[], Sheet]]]:
 
 def _stages(args: argparse.Namespace) -> Sheet:
     from pilotgen.bench import floors, runs, stages
-    from pilotgen.pipeline import Workbench, keep_freed_memory
-    from pilotgen.study import read_study
+    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.runs.task import keep_freed_memory
+    from pilotgen.study.study import read_study
 
     keep_freed_memory()  # as workers do
     count, repeat = (20, 2) if args.quick else (args.pilots, args.runs)
@@ -89,7 +90,7 @@ def _stages(args: argparse.Namespace) -> Sheet:
             }
         for name, path in arms.items():
             study = read_study(path)
-            with Workbench(study) as bench:
+            with EvaluationContext(study) as bench:
                 pilots = stages.random_pilots(study, count)
                 stages.measure(bench, pilots[: min(10, count)])  # caches filled, solver started
                 measured = [stages.measure(bench, pilots) for _ in range(repeat)]
@@ -133,7 +134,7 @@ def _stage_table(name: str, measured: Sequence[Any]) -> Sheet:
 
 def _search(args: argparse.Namespace) -> Sheet:
     from pilotgen.bench import runs
-    from pilotgen.study import read_study
+    from pilotgen.study.study import read_study
 
     repeat = 1 if args.quick else args.runs
     sheet: Sheet = {}

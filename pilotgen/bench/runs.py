@@ -18,9 +18,9 @@ import numpy as np
 import yaml
 
 from pilotgen.bench.machine import Ran, pilotgen, run
-from pilotgen.journal import JOURNAL_NAME, Journal
-from pilotgen.pipeline import Workbench, evaluate
-from pilotgen.study import Study, read_study
+from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.runs.journal import JOURNAL_NAME, Journal
+from pilotgen.study.study import Study, read_study
 
 
 def variant(study: Path, directory: Path, name: str, **search: Any) -> Path:
@@ -88,7 +88,7 @@ def quality(study_path: Path, seeds: Iterable[int]) -> dict[str, Any]:
     problem = Problem.from_settings(study.search)
     known: dict[tuple[float, ...], tuple[float, ...]] = {}
     start = time.process_time()
-    with Workbench(study) as bench:
+    with EvaluationContext(study) as bench:
 
         def objectives(X: np.ndarray) -> np.ndarray:
             F = np.full((len(X), problem.n_obj), np.nan)

@@ -1,4 +1,4 @@
-"""The stages of one evaluation, measured on the real chain: the functions of `pipeline` under a stopwatch.
+"""The stages of one evaluation, measured on the real chain: the functions of `evaluation` under a stopwatch.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -19,15 +19,16 @@ from unittest import mock
 
 import numpy as np
 
-from pilotgen import pipeline
+from pilotgen import evaluation
 from pilotgen.bench.machine import process_cpu_s
-from pilotgen.journal import Journal, Record, evaluation_key
-from pilotgen.matrices import read_matrices
-from pilotgen.pipeline import DECK_NAMES, Evaluation, Task, Workbench, evaluate
+from pilotgen.evaluation import DECK_NAMES, Evaluation, EvaluationContext, evaluate
+from pilotgen.runs.journal import Journal, Record, evaluation_key
+from pilotgen.runs.task import Task
 from pilotgen.search import Problem
-from pilotgen.study import Study
+from pilotgen.solver.matrices import read_matrices
+from pilotgen.study.study import Study
 
-# stage -> functions of the chain, by their names in pilotgen.pipeline
+# stage -> functions of the chain, by their names in pilotgen.evaluation
 STAGES: dict[str, tuple[str, ...]] = {
     "body and cockpit": ("biometrics_from", "make_body", "make_cockpit", "reflex_gains"),
     "posture: first guess": ("first_guess",),
@@ -40,7 +41,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "modes and feedthrough": ("make_pilot_model", "mayo_pilot"),
     "certificate": ("certificate",),
     "loop and margins": ("_close_loop",),
-    "summary": ("_bdft_summary",),
+    "summary": ("bdft_summary",),
 }
 REST = "rest of the chain"
 BOOKKEEPING = "bookkeeping: key, task, journal"
@@ -95,13 +96,13 @@ def random_pilots(study: Study, count: int) -> list[dict[str, float]]:
     return [study.values(problem.values(x)) for x in problem.xl + points * (problem.xu - problem.xl)]
 
 
-def measure(bench: Workbench, pilots: list[dict[str, float]]) -> Measured:
+def measure(bench: EvaluationContext, pilots: list[dict[str, float]]) -> Measured:
     """Evaluate the pilots, one after the other, and record what they cost."""
     watch = _Stopwatch()
     solver: dict[str, float] = defaultdict(float)
-    ask = Workbench.ask
+    ask = EvaluationContext.ask
 
-    def timed_ask(self: Workbench, task: str, text: str, name: str, *args: Any, **kwargs: Any) -> Any:
+    def timed_ask(self: EvaluationContext, task: str, text: str, name: str, *args: Any, **kwargs: Any) -> Any:
         pid = self.client.pid
         before = process_cpu_s(pid) if pid is not None else 0.0
         with watch.stage("solver: requests and replies"):
@@ -112,9 +113,9 @@ def measure(bench: Workbench, pilots: list[dict[str, float]]) -> Measured:
 
     failed = 0
     pickled = pickle.dumps(bench.study)
-    with tempfile.TemporaryDirectory() as directory, mock.patch.object(Workbench, "ask", timed_ask):
+    with tempfile.TemporaryDirectory() as directory, mock.patch.object(EvaluationContext, "ask", timed_ask):
         patches = [
-            mock.patch.object(pipeline, name, watch.wrap(stage, getattr(pipeline, name)))
+            mock.patch.object(evaluation, name, watch.wrap(stage, getattr(evaluation, name)))
             for stage, names in STAGES.items()
             for name in names
         ]
@@ -156,7 +157,7 @@ class OneShot:
     deck: Path
 
 
-def one_pilot(bench: Workbench, pilot: dict[str, float], directory: Path, repeat: int = 20) -> OneShot:
+def one_pilot(bench: EvaluationContext, pilot: dict[str, float], directory: Path, repeat: int = 20) -> OneShot:
     """Evaluate one pilot, keep its files, and have its deck linearised again and again."""
     outcome = evaluate(bench, pilot, keep=directory)
     deck = directory / DECK_NAMES[2]

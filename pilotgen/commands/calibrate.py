@@ -14,7 +14,7 @@ from pilotgen.commands import common
 from pilotgen.files import to_json, write_text
 
 if TYPE_CHECKING:
-    from pilotgen.calibration import Calibration
+    from pilotgen.virtual.calibration import Calibration
 
 
 def add_parser(commands: Any) -> None:
@@ -44,21 +44,21 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Fit, print, write."""
     from pilotgen.errors import StudyError
-    from pilotgen.executor import pin_threads
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.calibration import calibrate, reference_study, reflex_yaml
-    from pilotgen.pipeline import Workbench
-    from pilotgen.study import read_study
+    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.study.study import read_study
+    from pilotgen.virtual.calibration import calibrate, reference_study, reflex_yaml
 
     study = read_study(args.study)
     if study.pilot.model != "multibody":
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no reflexes; only multibody pilots have"
         )
-    with Workbench(reference_study(study), mbdae=args.mbdae) as bench:
+    with EvaluationContext(reference_study(study), mbdae=args.mbdae) as context:
         directory = common.prepare_directory(args.output) if args.output is not None else None
-        found = calibrate(bench, sensitivities=not args.no_sensitivities)
+        found = calibrate(context, sensitivities=not args.no_sensitivities)
     text = reflex_yaml(found)
     print(report(found))
     print(text, end="")

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import FileError, StudyError
 from pilotgen.files import make_directory
-from pilotgen.study import Study, apply_settings, read_study
+from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
-    from pilotgen.pipeline import FailedEvaluation
+    from pilotgen.evaluation import FailedEvaluation
 
 
 def add_command(commands: Any, name: str, summary: str, description: str, example: str) -> argparse.ArgumentParser:
@@ -170,8 +170,8 @@ def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, float]]:
 
 def prepare_directory(directory: Path) -> Path:
     """Make the output directory of a one-pilot command; refuse one that holds a whole study."""
-    from pilotgen.campaign import RESULTS_NAME
-    from pilotgen.journal import JOURNAL_NAME
+    from pilotgen.runs.batch import RESULTS_NAME
+    from pilotgen.runs.journal import JOURNAL_NAME
 
     make_directory(directory)
     if (directory / RESULTS_NAME).exists() or (directory / JOURNAL_NAME).exists():

@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, print."""
-    from pilotgen.compare import run_compare
+    from pilotgen.linear.compare import run_compare
 
     text, code = run_compare(args.a, args.b, args.tolerance)
     print(text)

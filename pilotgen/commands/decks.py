@@ -34,17 +34,17 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve for posture and activations, keep the decks."""
     from pilotgen.errors import StudyError
-    from pilotgen.executor import pin_threads
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.pipeline import DECK_NAMES, Workbench, write_decks
+    from pilotgen.evaluation import DECK_NAMES, EvaluationContext, write_decks
 
     study, values = common.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(f"{args.study}: pilot.model = {study.pilot.model!r} has no decks; only multibody pilots have")
-    with Workbench(study, mbdae=args.mbdae) as bench:
+    with EvaluationContext(study, mbdae=args.mbdae) as context:
         directory = common.prepare_directory(args.output)
-        failure = write_decks(bench, values, directory)
+        failure = write_decks(context, values, directory)
     if failure is not None:
         print(common.failure_text(failure, directory), file=sys.stderr)
         return 2

@@ -87,10 +87,12 @@ def _frequencies(text: str) -> list[float]:
 def run(args: argparse.Namespace) -> int:
     """Shake, compare, write."""
     from pilotgen.errors import StudyError
-    from pilotgen.executor import pin_threads
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.identify import (
+    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.progress import ProgressLine
+    from pilotgen.virtual.identify import (
         DEFAULT_FREQUENCIES_HZ,
         METHODS,
         SMALL_AMPLITUDE_M_S2,
@@ -98,13 +100,11 @@ def run(args: argparse.Namespace) -> int:
         report,
         write_identification,
     )
-    from pilotgen.pipeline import Workbench
-    from pilotgen.progress import ProgressLine
 
     study, values = common.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(
-            f"{args.study}: pilot.model = {study.pilot.model!r} has no body to shake; use a multibody pilot"
+            f"{args.study}: pilot.model = {study.pilot.model!r} has no body to simulate; use a multibody pilot"
         )
     if args.seed < 0:
         raise StudyError(f"--seed {args.seed}: a seed is 0 or more")
@@ -119,11 +119,11 @@ def run(args: argparse.Namespace) -> int:
         left = line.time_left(done, total)
         line.update(f"{done}/{total}  {text}" + (f", {left} left" if left else ""))
 
-    with Workbench(study, mbdae=args.mbdae) as bench:
+    with EvaluationContext(study, mbdae=args.mbdae) as context:
         directory = common.prepare_directory(args.output)
         try:
             found = identify(
-                bench,
+                context,
                 values,
                 methods,
                 amplitudes,

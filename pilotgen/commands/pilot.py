@@ -37,15 +37,15 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write, print."""
-    from pilotgen.executor import pin_threads
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.pipeline import Evaluation, Workbench, evaluate
+    from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 
     study, values = common.read_pilot(args)
-    with Workbench(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as bench:
+    with EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context:
         directory = common.prepare_directory(args.output)
-        outcome = evaluate(bench, values, keep=directory)
+        outcome = evaluate(context, values, keep=directory)
     write_text(directory / "result.json", to_json(outcome.result))
     if args.json:
         sys.stdout.write(to_json(outcome.result))

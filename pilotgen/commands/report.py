@@ -14,7 +14,7 @@ from pilotgen.commands import common
 from pilotgen.errors import FileError
 
 if TYPE_CHECKING:
-    from pilotgen.results import StudyResults
+    from pilotgen.runs.results import StudyResults
 
 
 def add_parser(commands: Any) -> None:
@@ -42,13 +42,13 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read study.h5 and the journal beside it, write the report."""
-    from pilotgen.campaign import RESULTS_NAME, locked_directory
-    from pilotgen.executor import pin_threads
+    from pilotgen.runs.batch import RESULTS_NAME, locked_directory
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
     from pilotgen.report import write_report
-    from pilotgen.results import read_results
-    from pilotgen.study import study_from_text
+    from pilotgen.runs.results import read_results
+    from pilotgen.study.study import study_from_text
 
     path = args.directory / RESULTS_NAME
     if not path.is_file():
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 def journalled(directory: Path, results: StudyResults) -> list[Mapping[str, Any]] | None:
     """Result objects of the study's evaluations from the journal, in their order; None if any is missing there."""
-    from pilotgen.journal import JOURNAL_NAME, Journal, evaluation_key
+    from pilotgen.runs.journal import JOURNAL_NAME, Journal, evaluation_key
 
     if not (directory / JOURNAL_NAME).is_file():
         return None

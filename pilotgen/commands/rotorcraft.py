@@ -31,9 +31,9 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the report, write the figure."""
-    from pilotgen.helicopter import rotorcraft_report
-    from pilotgen.rotorcraft import load_rotorcraft
-    from pilotgen.study import read_study
+    from pilotgen.loop.heave_model import rotorcraft_report
+    from pilotgen.study.rotorcraft import load_rotorcraft
+    from pilotgen.study.study import read_study
 
     rotorcraft = (
         read_study(args.name).rotorcraft if args.name.endswith((".yaml", ".yml")) else load_rotorcraft(args.name)

@@ -46,19 +46,19 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Sample, write, print."""
-    from pilotgen.executor import pin_threads, stop_on_sigterm
+    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
 
     pin_threads()
     stop_on_sigterm()
     import numpy as np
 
-    from pilotgen.campaign import RESULTS_NAME, locked_directory
     from pilotgen.commands.search import attributes_of, make_campaign, make_workers, open_journal
-    from pilotgen.pipeline import fingerprint
     from pilotgen.progress import ProgressLine
-    from pilotgen.results import ResultsWriter, Row, columns_of
+    from pilotgen.runs.batch import RESULTS_NAME, locked_directory
+    from pilotgen.runs.fingerprint import fingerprint
+    from pilotgen.runs.results import ResultsWriter, Row, columns_of
     from pilotgen.search import Problem, ranked_objectives
-    from pilotgen.study import read_study
+    from pilotgen.study.study import read_study
 
     study = read_study(args.study)
     seed = study.search.seed if args.seed is None else args.seed

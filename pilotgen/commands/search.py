@@ -18,10 +18,10 @@ from pilotgen.commands import common
 if TYPE_CHECKING:
     import numpy as np
 
-    from pilotgen.campaign import Campaign
-    from pilotgen.executor import Workers
-    from pilotgen.journal import Journal
-    from pilotgen.study import Study
+    from pilotgen.runs.batch import Batch
+    from pilotgen.runs.executor import Workers
+    from pilotgen.runs.journal import Journal
+    from pilotgen.study.study import Study
 
 
 def add_parser(commands: Any) -> None:
@@ -49,13 +49,13 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search, write, print."""
-    from pilotgen.executor import pin_threads, stop_on_sigterm
+    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
 
     pin_threads()
     stop_on_sigterm()
-    from pilotgen.campaign import RESULTS_NAME, locked_directory
-    from pilotgen.pipeline import fingerprint
-    from pilotgen.study import read_study
+    from pilotgen.runs.batch import RESULTS_NAME, locked_directory
+    from pilotgen.runs.fingerprint import fingerprint
+    from pilotgen.study.study import read_study
 
     study = read_study(args.study)
     print_hash = fingerprint(study, args.mbdae, args.solver)  # also finds out early that there is no solver
@@ -80,10 +80,10 @@ def make_workers(args: argparse.Namespace, most: int) -> Workers:
     """Who evaluates, as the command line says; no more than `most`, the pilots that are asked for at a time."""
     count = min(args.workers if args.workers is not None else len(os.sched_getaffinity(0)), most)
     if args.executor == "dask":
-        from pilotgen.dask_workers import DaskWorkers
+        from pilotgen.runs.dask import DaskWorkers
 
         return DaskWorkers(args.scheduler, count)
-    from pilotgen.executor import ProcessWorkers
+    from pilotgen.runs.executor import ProcessWorkers
 
     return ProcessWorkers(count)
 
@@ -91,7 +91,7 @@ def make_workers(args: argparse.Namespace, most: int) -> Workers:
 def open_journal(directory: Path, study: Study) -> Journal:
     """The directory's journal; FileError when it belongs to another study."""
     from pilotgen.errors import FileError
-    from pilotgen.journal import JOURNAL_NAME, Journal
+    from pilotgen.runs.journal import JOURNAL_NAME, Journal
 
     journal = Journal(directory / JOURNAL_NAME)
     known = journal.get_meta("study_text")
@@ -108,14 +108,12 @@ def open_journal(directory: Path, study: Study) -> Journal:
     return journal
 
 
-def make_campaign(
-    args: argparse.Namespace, study: Study, journal: Journal, workers: Workers, print_hash: str
-) -> Campaign:
+def make_campaign(args: argparse.Namespace, study: Study, journal: Journal, workers: Workers, print_hash: str) -> Batch:
     """Journal, workers and the task of one pilot, together."""
     import pickle
 
-    from pilotgen.campaign import Campaign
-    from pilotgen.pipeline import Task, run_task
+    from pilotgen.runs.batch import Batch
+    from pilotgen.runs.task import Task, run_task
 
     pickled = pickle.dumps(study)
     to_check = print_hash if args.executor == "dask" else None  # workers may be on other machines
@@ -123,7 +121,7 @@ def make_campaign(
     def make_task(values: Mapping[str, float]) -> Task:
         return Task(pickled, study.values(values), args.mbdae, args.solver, args.mbdyn, args.time_limit, to_check)
 
-    return Campaign(journal, workers, run_task, make_task, print_hash, args.max_failures, args.retry_failed)
+    return Batch(journal, workers, run_task, make_task, print_hash, args.max_failures, args.retry_failed)
 
 
 def attributes_of(
@@ -131,7 +129,7 @@ def attributes_of(
 ) -> dict[str, Any]:
     """Provenance: the attributes of study.h5."""
     from pilotgen import __version__
-    from pilotgen.pipeline import solver_version
+    from pilotgen.runs.fingerprint import solver_version
 
     return {
         "kind": kind,
@@ -146,13 +144,13 @@ def attributes_of(
 
 
 def search_study(
-    args: argparse.Namespace, study: Study, campaign: Campaign, path: Path, print_hash: str
+    args: argparse.Namespace, study: Study, campaign: Batch, path: Path, print_hash: str
 ) -> list[dict[str, Any]]:
     """Run the genetic search and write study.h5; returns the result objects in the order of its evaluations."""
     import numpy as np
 
     from pilotgen.progress import ProgressLine
-    from pilotgen.results import Row, columns_of, write_results
+    from pilotgen.runs.results import Row, columns_of, write_results
     from pilotgen.search import Problem, ranked_objectives, run_search
 
     settings = study.search
@@ -206,7 +204,7 @@ def search_study(
 SHORT_NAMES = {"gain_margin_db": ("GM", "dB"), "phase_margin_deg": ("PM", "deg"), "modulus_margin": ("MM", "")}
 
 
-def progress_text(study: Study, campaign: Campaign, generation: int, best: Sequence[float], left: str) -> str:
+def progress_text(study: Study, campaign: Batch, generation: int, best: Sequence[float], left: str) -> str:
     """`generation 3/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | 0:12 left`."""
     from pilotgen.progress import counted
 
@@ -234,10 +232,10 @@ def margin_word(name: str, value: float) -> str:
     return f"{short} none" if value >= CAPS[name] else f"{short} {value:.3g} {unit}".rstrip()
 
 
-def print_worst(study_path: Path, directory: Path, campaign: Campaign, rows: Sequence[Mapping[str, Any]]) -> None:
+def print_worst(study_path: Path, directory: Path, campaign: Batch, rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the worst pilots of study.h5, the failures by reason, and where everything is."""
-    from pilotgen.campaign import RESULTS_NAME, failures_by_reason
-    from pilotgen.results import read_results
+    from pilotgen.runs.batch import RESULTS_NAME, failures_by_reason
+    from pilotgen.runs.results import read_results
 
     results = read_results(directory / RESULTS_NAME)
     for text in worst_table(results):

@@ -15,7 +15,7 @@ from pilotgen.figures.style import BLACK, LINE_COLORS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pilotgen.identify import Identification, Run
+    from pilotgen.virtual.identify import Identification, Run
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 GRID_POINTS = 400

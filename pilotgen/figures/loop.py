@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pilotgen.margins import Margins
-    from pilotgen.pipeline import Evaluation
-    from pilotgen.statespace import ComplexArray, FloatArray
+    from pilotgen.evaluation import Evaluation
+    from pilotgen.linear.statespace import ComplexArray, FloatArray
+    from pilotgen.loop.margins import Margins
 
 LOW_HZ, HIGH_HZ = 0.1, 20.0  # the band of the figures, and of the feedthrough's certificate
 GRID_POINTS = 400

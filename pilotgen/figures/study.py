@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pilotgen.results import StudyResults
+    from pilotgen.runs.results import StudyResults
 
 RULE_OF_THUMB = {"gain_margin_db": 6.0, "phase_margin_deg": 60.0}  # paper, section 3: to be robust, at least these
 MARGINS = ("gain_margin_db", "phase_margin_deg")

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError
+from pilotgen.evaluation import EvaluationContext, evaluate
 from pilotgen.files import to_json, write_text
-from pilotgen.pipeline import Workbench, evaluate
 from pilotgen.report.findings import distinct, worst_order
-from pilotgen.results import StudyResults
+from pilotgen.runs.results import StudyResults
 
 FRONT_NAME = "front"
 MOST_DECKS = 20  # pilots of the front whose decks are written; a front can have a hundred
@@ -51,7 +51,7 @@ def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECK
     return FrontDecks(np.concatenate([worst, others[spread]]), len(different))
 
 
-def write_front_decks(directory: Path, bench: Workbench, results: StudyResults, chosen: FrontDecks) -> None:
+def write_front_decks(directory: Path, context: EvaluationContext, results: StudyResults, chosen: FrontDecks) -> None:
     """Write `directory/front/NN/`: decks, matrices.h5 and result.json of every chosen pilot; replaces an older front.
 
     Raises
@@ -68,7 +68,7 @@ def write_front_decks(directory: Path, bench: Workbench, results: StudyResults, 
             place = part / f"{number:02d}"
             place.mkdir(parents=True)
             inputs = zip(results.names, results.columns["inputs"][index].tolist(), strict=True)
-            outcome = evaluate(bench, bench.study.values(dict(inputs)), keep=place)
+            outcome = evaluate(context, context.study.values(dict(inputs)), keep=place)
             write_text(place / "result.json", to_json(outcome.result))
         if target.exists():
             os.replace(target, old)

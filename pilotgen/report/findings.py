@@ -17,7 +17,7 @@ import numpy as np
 
 from pilotgen.figures.study import MARGINS, RULE_OF_THUMB, Curve
 from pilotgen.figures.style import quantity
-from pilotgen.results import StudyResults
+from pilotgen.runs.results import StudyResults
 from pilotgen.search.problem import CAPS
 
 SAME_PILOT = 0.05  # share of the box: pilots that differ by no more in any variable count as one in tables
@@ -302,7 +302,7 @@ class Failure:
 
 def failures(results: StudyResults) -> list[Failure]:
     """Failed pilots by reason, the most frequent first."""
-    from pilotgen.campaign import failures_by_reason
+    from pilotgen.runs.batch import failures_by_reason
 
     columns = results.columns
     rows: list[Mapping[str, Any]] = [

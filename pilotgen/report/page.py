@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pilotgen.evaluation import Evaluation, FailedEvaluation
 from pilotgen.figures import loop as loop_figures
 from pilotgen.figures import study as study_figures
 from pilotgen.figures.style import png, quantity
-from pilotgen.pipeline import Evaluation, FailedEvaluation
 from pilotgen.report import findings
 from pilotgen.report.findings import number, replay_command
-from pilotgen.results import StudyResults
-from pilotgen.study import Study
+from pilotgen.runs.results import StudyResults
+from pilotgen.study.study import Study
 
 if TYPE_CHECKING:
     import jinja2
     from matplotlib.figure import Figure
 
     from pilotgen.report.decks import FrontDecks
-    from pilotgen.report.write import Repeated
+    from pilotgen.report.repeated import Repeated
 
 TEMPLATE = "report.html.j2"
 STUDY_FILE = "study.yaml"  # beside the report, so that its commands hold wherever the directory goes

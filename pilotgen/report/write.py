@@ -6,44 +6,24 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pilotgen.campaign import RESULTS_NAME
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures.study import MARGINS, NO_PHASE, Curve
 from pilotgen.files import write_text
-from pilotgen.pipeline import Evaluation, FailedEvaluation, Workbench, evaluate
 from pilotgen.report import decks, findings, page
-from pilotgen.results import StudyResults, read_results
-from pilotgen.study import Study
+from pilotgen.report.repeated import Repeated
+from pilotgen.runs.batch import RESULTS_NAME
+from pilotgen.runs.results import StudyResults, read_results
+from pilotgen.study.study import Study
 
 REPORT_NAME = "report.html"
 STUDY_NAME = "study.yaml"
 CURVE_POINTS = 15  # pilots per variable of the one-at-a-time curves
 SAME_MARGIN = 1e-6  # dB, deg: an evaluation repeated by the same program differs by nothing
-
-
-@dataclass(frozen=True)
-class Repeated:
-    """What is evaluated again for the report.
-
-    Attributes
-    ----------
-    nominal, worst : Evaluation or FailedEvaluation
-        The study's nominal pilot and the worst one.
-    curves : tuple of Curve
-        Margins through the worst pilot along each variable.
-    same : bool
-        The worst pilot has the margins that study.h5 holds.
-    """
-
-    nominal: Evaluation | FailedEvaluation
-    worst: Evaluation | FailedEvaluation
-    curves: tuple[Curve, ...]
-    same: bool
 
 
 def write_report(
@@ -67,7 +47,7 @@ def write_report(
         Result objects of its evaluations in their order, for what study.h5 does not hold (extrapolations); None if
         they are lost.
     mbdae, solver, mbdyn
-        Who evaluates, as of `Workbench`.
+        Who evaluates, as of `EvaluationContext`.
     evaluations : bool
         False evaluates nothing: no curves, no Bode and Nyquist figures, no decks, no solver needed.
 
@@ -86,27 +66,27 @@ def write_report(
     front = findings.first_front(results)
     repeated, front_decks = None, None
     if evaluations and len(order):
-        with Workbench(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as bench:
-            repeated = _repeat(bench, results, int(order[0]))
+        with EvaluationContext(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as context:
+            repeated = _repeat(context, results, int(order[0]))
             if study.pilot.model == "multibody":
                 front_decks = decks.choose_front(results, front)
-                decks.write_front_decks(directory, bench, results, front_decks)
+                decks.write_front_decks(directory, context, results, front_decks)
     text = page.render(study, results, order, front, rows, repeated, front_decks)
     write_text(directory / STUDY_NAME, study.text)
     write_text(directory / REPORT_NAME, text)
     return directory / REPORT_NAME
 
 
-def _repeat(bench: Workbench, results: StudyResults, worst: int) -> Repeated:
+def _repeat(context: EvaluationContext, results: StudyResults, worst: int) -> Repeated:
     values = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
-    again = evaluate(bench, bench.study.values(values))
+    again = evaluate(context, context.study.values(values))
     same = isinstance(again, Evaluation) and all(
         _equal(getattr(again.margins, name), float(results.columns[name][worst])) for name in MARGINS
     )
     return Repeated(
-        evaluate(bench, bench.study.nominal),
+        evaluate(context, context.study.nominal),
         again,
-        tuple(one_at_a_time(bench, results, values, j) for j in range(len(results.names))),
+        tuple(one_at_a_time(context, results, values, j) for j in range(len(results.names))),
         same,
     )
 
@@ -116,7 +96,11 @@ def _equal(a: float, b: float) -> bool:
 
 
 def one_at_a_time(
-    bench: Workbench, results: StudyResults, values: Mapping[str, float], column: int, points: int = CURVE_POINTS
+    context: EvaluationContext,
+    results: StudyResults,
+    values: Mapping[str, float],
+    column: int,
+    points: int = CURVE_POINTS,
 ) -> Curve:
     """Margins of pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
     name = results.names[column]
@@ -124,7 +108,7 @@ def one_at_a_time(
     names = (*MARGINS, NO_PHASE)
     margins = np.full((len(names), len(grid)), np.nan)
     for k, value in enumerate(grid.tolist()):
-        outcome = evaluate(bench, bench.study.values({**values, name: value}))
+        outcome = evaluate(context, context.study.values({**values, name: value}))
         if isinstance(outcome, Evaluation):
             margins[:, k] = [getattr(outcome.margins, margin) for margin in names]
     return Curve(name, grid, dict(zip(names, margins, strict=True)))

@@ -11,7 +11,9 @@
 SPDX-License-Identifier: BSD-3-Clause
 """
 
-from pilotgen.search.algorithm import GeneticSearch, SearchResult, make_search, run_search
+from pilotgen.search.algorithm import SearchResult
+from pilotgen.search.genetic import GeneticSearch
 from pilotgen.search.problem import Problem, ranked_objectives
+from pilotgen.search.search import make_search, run_search
 
 __all__ = ["GeneticSearch", "Problem", "SearchResult", "make_search", "ranked_objectives", "run_search"]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotgen.search import operators, ranking, sampling, termination
+from pilotgen.search import ranking, termination
 from pilotgen.search.problem import Problem
-from pilotgen.study import SearchSettings
+from pilotgen.study.study import SearchSettings
 
 Evaluate = Callable[[np.ndarray, int], np.ndarray]
 
@@ -171,60 +171,3 @@ class Search(ABC):
     @abstractmethod
     def _survivors(self, pool: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Return which of the history's individuals `pool` (parents and the new ones) form the next population."""
-
-
-class GeneticSearch(Search):
-    """The algorithm of the reference paper's section 4."""
-
-    def _stream(self, purpose: str) -> np.random.Generator:
-        return sampling.stream(self.settings.seed, self.generation, purpose)
-
-    def _next(self) -> np.ndarray:
-        problem, n = self.problem, self.settings.population
-        if self.generation == 0:
-            return sampling.sobol(n, problem.xl, problem.xu, self._stream("sampling"))
-        rank = ranking.non_dominated_rank(self._F[self.population])
-        pairs = operators.roulette_pairs(operators.fitness(rank), (n + 1) // 2, self._stream("selection"))
-        parents = self._X[self.population[pairs]]
-        children = operators.simulated_binary_crossover(parents, problem.xl, problem.xu, self._stream("crossover"))[:n]
-        children = operators.mutate_some(
-            children, problem.xl, problem.xu, self.settings.mutation_probability, self._stream("mutation")
-        )
-        return operators.replace_copies(children, self._known, problem.xl, problem.xu, self._stream("replacement"))
-
-    def _survivors(self, pool: np.ndarray, new: np.ndarray) -> np.ndarray:
-        return np.asarray(pool[ranking.fittest(self._F[pool], self.settings.population)])
-
-
-def make_search(problem: Problem, settings: SearchSettings) -> Search:
-    """Return the search that `settings.algorithm` names."""
-    if settings.algorithm == "nsga2":
-        from pilotgen.search.nsga2 import Nsga2Search  # imports pymoo
-
-        return Nsga2Search(problem, settings)
-    return GeneticSearch(problem, settings)
-
-
-def run_search(
-    problem: Problem,
-    settings: SearchSettings,
-    evaluate: Evaluate,
-    callback: Callable[[Search], None] | None = None,
-) -> SearchResult:
-    """Search until a termination criterion is met.
-
-    Parameters
-    ----------
-    problem, settings :
-        What to search and how.
-    evaluate : callable
-        (X of shape (n, n_var), generation) -> F of shape (n, n_obj), NaN rows for failures.
-    callback : callable, optional
-        Called with the search after every generation.
-    """
-    search = make_search(problem, settings)
-    while not search.finished:
-        search.tell(evaluate(search.ask(), search.generation))
-        if callback is not None:
-            callback(search)
-    return search.result()

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotgen.margins import GAIN_MARGIN_CAP_DB, PHASE_MARGIN_CAP_DEG
-from pilotgen.study import SearchSettings
+from pilotgen.loop.margins import GAIN_MARGIN_CAP_DB, PHASE_MARGIN_CAP_DEG
+from pilotgen.study.study import SearchSettings
 
 # An infinite margin (no crossing) must be comparable: |margin| is capped for ranking, and only for ranking.
 # min |1 + L| <= 1 for every strictly proper loop, and never infinite.

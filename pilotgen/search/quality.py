@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotgen.search.algorithm import SearchResult, run_search
+from pilotgen.search.algorithm import SearchResult
 from pilotgen.search.problem import Problem
 from pilotgen.search.ranking import hypervolume
-from pilotgen.study import SearchSettings
+from pilotgen.search.search import run_search
+from pilotgen.study.study import SearchSettings
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pilotgen import body as body_module
-from pilotgen.biometrics import Biometrics
-from pilotgen.body import Limb, make_body
+from pilotgen.anthropometry import body as body_module
+from pilotgen.anthropometry.biometrics import Biometrics
+from pilotgen.anthropometry.body import Limb, make_body
 
 # Moment arms [mm] of the straight bundles at the reference posture, as the fit that made them wrote them (one decimal;
 # its own program, bones and 13.7 deg of carrying angle). Shoulder flexion and abduction about the torso axes, rotation

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from whole_pilots import body_of, cockpit_of, solve
 
-from pilotgen.cockpit import Cockpit
-from pilotgen.kinematics import mirror_pose
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
-from pilotgen.solver import SolverClient
-from pilotgen.study import Study, read_study
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.posture.cockpit import Cockpit
+from pilotgen.posture.kinematics import mirror_pose
+from pilotgen.solver.client import SolverClient
+from pilotgen.study.study import Study, read_study
 
 STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 20.0, 40)
@@ -35,8 +35,8 @@ def with_limbs(*limbs: str) -> Study:
 def test_the_loop_is_that_of_the_left_arm(mbdae: Path, values: dict[str, float]) -> None:
     results = {}
     for limbs in (("left",), ("left", "right")):
-        with Workbench(with_limbs(*limbs), mbdae=str(mbdae)) as bench:
-            outcome = evaluate(bench, values)
+        with EvaluationContext(with_limbs(*limbs), mbdae=str(mbdae)) as context:
+            outcome = evaluate(context, values)
             assert isinstance(outcome, Evaluation), outcome
             results[limbs] = outcome
     one, two = results.values()

@@ -13,11 +13,11 @@ import pytest
 from linear_models import dense_eigenvalues, sort
 from numpy.testing import assert_allclose
 
-from pilotgen.feedthrough import certificate, make_pilot_model
-from pilotgen.matrices import read_matrices
-from pilotgen.pilot_model import PilotModel, read_pilot_model
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
-from pilotgen.study import Study, read_study
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.linear.feedthrough import certificate, make_pilot_model
+from pilotgen.linear.pilot_model import PilotModel, read_pilot_model
+from pilotgen.solver.matrices import read_matrices
+from pilotgen.study.study import Study, read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 # paper Table 3 (mass) and Table 4 (BMI): age [years], stature [m], mass [kg] or body mass index [kg/m^2]
@@ -30,8 +30,8 @@ OMEGA = 2.0 * np.pi * np.geomspace(0.1, 20.0, 60)
 
 def pilot(study: Study, mbdae: Path, values: dict[str, float], keep: Path | None = None) -> PilotModel:
     """Evaluate one pilot of a study."""
-    with Workbench(study, mbdae=str(mbdae)) as bench:
-        outcome = evaluate(bench, values, keep)
+    with EvaluationContext(study, mbdae=str(mbdae)) as context:
+        outcome = evaluate(context, values, keep)
     assert isinstance(outcome, Evaluation), outcome
     model = outcome.pilot_model
     assert isinstance(model, PilotModel)

@@ -19,13 +19,13 @@ import scipy.linalg
 from linear_models import ARM_CHANNELS, ARM_LEVER_LENGTH_M, CASES, case, dense_eigenvalues, raw_case, sort
 from numpy.testing import assert_allclose
 
-from pilotgen.compare import compare, report
-from pilotgen.feedthrough import certificate, make_pilot_model
-from pilotgen.matrices import Matrices, descriptor, read_matrices
-from pilotgen.mbdyn_files import to_textbook
-from pilotgen.modal import modes
-from pilotgen.pilot_model import PilotModel
-from pilotgen.plant import full_order_response, split
+from pilotgen.linear.compare import compare, report
+from pilotgen.linear.feedthrough import certificate, make_pilot_model
+from pilotgen.linear.imposed_motion import full_order_response, split
+from pilotgen.linear.modal import modes
+from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.solver.matrices import Matrices, descriptor, read_matrices
+from pilotgen.solver.mbdyn_files import to_textbook
 
 HZ = np.array([0.5, 1.0, 2.0, 3.0, 3.5, 5.0, 8.0])
 # grip arc = lever length x |H| [mm per m/s^2] and phase [deg]

@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pilotgen.margins import Margins, margins
-from pilotgen.statespace import StateSpaceModel, zeros_poles_gain
+from pilotgen.linear.statespace import StateSpaceModel, zeros_poles_gain
+from pilotgen.loop.margins import Margins, margins
 
 TWO_PI = 2.0 * math.pi
 Response = Callable[[np.ndarray], np.ndarray]

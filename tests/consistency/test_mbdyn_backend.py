@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 
 from pilotgen.cli import main
-from pilotgen.solver import find_mbdae
+from pilotgen.solver.client import find_mbdae
 
 QUICK = Path(__file__).parents[2] / "docs" / "studies" / "quick.yaml"
 
 STAND_IN = """#!{python}
 import subprocess, sys
 import numpy as np
-from pilotgen.matrices import read_matrices
+from pilotgen.solver.matrices import read_matrices
 
 deck, prefix = sys.argv[sys.argv.index("-f") + 1], sys.argv[sys.argv.index("-o") + 1]
 subprocess.run(["{mbdae}", deck, "-o", prefix], check=True, stdout=subprocess.DEVNULL)
@@ -76,7 +76,7 @@ def test_a_search_through_mbdyn(tmp_path: Path, stand_in: Path, capsys: pytest.C
     arguments = ["search", str(study), "--no-report", "--quiet", "--workers", "1"]
     assert main([*arguments, "-o", str(tmp_path / "a")]) == 0
     assert main([*arguments, "-o", str(tmp_path / "b"), "--solver", "mbdyn", "--mbdyn", str(stand_in)]) == 0
-    from pilotgen.results import read_results
+    from pilotgen.runs.results import read_results
 
     a, b = (read_results(tmp_path / name / "study.h5").columns["gain_margin_db"] for name in ("a", "b"))
     assert b == pytest.approx(a, rel=1e-9)

@@ -19,7 +19,7 @@ from linear_models import CASES, raw_case
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pilotgen.solver import SolverClient
+from pilotgen.solver.client import SolverClient
 
 Floats = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from whole_pilots import WholePilot, body_of, cockpit_of, heavier, solve, stronger
 
-from pilotgen.calibration import grip_mass, grip_stiffness
-from pilotgen.cockpit import make_cockpit
-from pilotgen.feedthrough import certificate
-from pilotgen.pipeline import Evaluation, Workbench, evaluate, solve_pilot
-from pilotgen.reflex import calibrated_gains
-from pilotgen.solver import SolverClient
-from pilotgen.study import Reflex, read_study
+from pilotgen.activation.reflex import calibrated_gains
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, solve_pilot
+from pilotgen.linear.feedthrough import certificate
+from pilotgen.posture.cockpit import make_cockpit
+from pilotgen.solver.client import SolverClient
+from pilotgen.study.study import Reflex, read_study
+from pilotgen.virtual.calibration import grip_mass, grip_stiffness
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 PILOTS = 12  # of each box and sex; 1600 were run once, docs/validation.md
@@ -33,9 +33,9 @@ def test_random_pilots_are_certified_and_stable(mbdae: Path, name: str, sex: str
     low, high = np.array(list(study.search.variables.values())).T
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
     points = np.vstack([corners, np.random.default_rng(23).uniform(low, high, (PILOTS, 3))])
-    with Workbench(study, mbdae=str(mbdae)) as bench:
+    with EvaluationContext(study, mbdae=str(mbdae)) as context:
         for point in points:
-            outcome = evaluate(bench, dict(zip(study.search.variables, point.tolist(), strict=True)))
+            outcome = evaluate(context, dict(zip(study.search.variables, point.tolist(), strict=True)))
             assert isinstance(outcome, Evaluation), outcome
             assert outcome.result["bdft"]["certificate"] < 1e-8
             assert outcome.pilot_model.poles.real.max() < -1.0  # 1/s: settles within seconds
@@ -53,19 +53,19 @@ def test_the_posture_does_not_depend_on_how_far_the_guess_goes(
     low, high = np.array(list(study.search.variables.values())).T
     points = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
     pilots = [dict(zip(study.search.variables, point.tolist(), strict=True)) for point in points]
-    with Workbench(study, mbdae=str(mbdae)) as bench:
-        short = [solve_pilot(bench, pilot, linearise=False).posture for pilot in pilots]
-        monkeypatch.setattr("pilotgen.posture._GUESS_SETTLED_RAD", 1e-3)
-        monkeypatch.setattr("pilotgen.posture._GUESS_CLOSED_M", 1e-5)
-        long = [solve_pilot(bench, pilot, linearise=False).posture for pilot in pilots]
+    with EvaluationContext(study, mbdae=str(mbdae)) as context:
+        short = [solve_pilot(context, pilot, linearise=False).posture for pilot in pilots]
+        monkeypatch.setattr("pilotgen.posture.posture._GUESS_SETTLED_RAD", 1e-3)
+        monkeypatch.setattr("pilotgen.posture.posture._GUESS_CLOSED_M", 1e-5)
+        long = [solve_pilot(context, pilot, linearise=False).posture for pilot in pilots]
     for one, other in zip(short, long, strict=True):
         assert one.angles_deg == pytest.approx(other.angles_deg, abs=1e-8)
 
 
 def test_the_nominal_pilot_is_like_mayo_s(mbdae: Path) -> None:
     study = read_study(STUDIES / "puma-bmi.yaml")
-    with Workbench(study, mbdae=str(mbdae)) as bench:
-        outcome = evaluate(bench, study.nominal)
+    with EvaluationContext(study, mbdae=str(mbdae)) as context:
+        outcome = evaluate(context, study.nominal)
     assert isinstance(outcome, Evaluation)
     bdft = outcome.result["bdft"]
     assert 3.0 < bdft["dominant_frequency_hz"] < 4.5

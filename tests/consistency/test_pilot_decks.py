@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 from seven_coordinates import SevenCoordinates
 
-from pilotgen.activation import TORQUES, Activations, solve_activations
-from pilotgen.biometrics import Biometrics
-from pilotgen.body import Body, make_body
-from pilotgen.cockpit import Cockpit, make_cockpit
-from pilotgen.deck import render_direct, render_posture, render_trim
+from pilotgen.activation.activation import TORQUES, Activations, solve_activations
+from pilotgen.anthropometry.arm import Limb
+from pilotgen.anthropometry.biometrics import Biometrics
+from pilotgen.anthropometry.body import Body, make_body
+from pilotgen.decks.deck import render_direct, render_posture, render_trim
 from pilotgen.errors import EvaluationError
-from pilotgen.feedthrough import make_pilot_model
-from pilotgen.limb import Limb
-from pilotgen.matrices import Matrices, read_matrices
-from pilotgen.posture import Posture, PostureGuess, first_guess, from_poses
-from pilotgen.solver import SolverClient
+from pilotgen.linear.feedthrough import make_pilot_model
+from pilotgen.posture.cockpit import Cockpit, make_cockpit
+from pilotgen.posture.posture import Posture, PostureGuess, first_guess, from_poses
+from pilotgen.solver.client import SolverClient
+from pilotgen.solver.matrices import Matrices, read_matrices
 
 KP, KD = 1.5, 0.1
 

@@ -28,11 +28,11 @@ from processes import (
     wait_until,
 )
 
-from pilotgen.campaign import failures_by_reason
-from pilotgen.journal import JOURNAL_NAME, Journal
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
-from pilotgen.results import read_results
-from pilotgen.study import read_study
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.runs.batch import failures_by_reason
+from pilotgen.runs.journal import JOURNAL_NAME, Journal
+from pilotgen.runs.results import read_results
+from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 FAULTY = Path(__file__).parents[1] / "faulty_mbdae.py"
@@ -230,12 +230,12 @@ def test_misbehaving_solver_costs_its_victims_only(study: Path, tmp_path: Path, 
         seen.update(fits)
     assert len(seen) >= 9  # of twelve, by about thirty victims
     loaded = read_study(study)
-    with Workbench(loaded, mbdae=str(mbdae)) as bench:
+    with EvaluationContext(loaded, mbdae=str(mbdae)) as context:
         good = [record for record in records if record.status == "ok"]
         for record in good[::6]:
-            assert evaluate(bench, loaded.values(record.inputs)).result == record.result
+            assert evaluate(context, loaded.values(record.inputs)).result == record.result
         for record in failed[::6]:  # with an honest solver they are pilots like any other
-            assert isinstance(evaluate(bench, loaded.values(record.inputs)), Evaluation)
+            assert isinstance(evaluate(context, loaded.values(record.inputs)), Evaluation)
     groups = failures_by_reason([record.result for record in records])
     assert sum(count for _, _, count, _ in groups) == len(failed)
 
@@ -326,12 +326,12 @@ def test_memory_of_a_worker_stays_flat(study: Path) -> None:
     def resident_kib() -> int:
         return int(re.search(r"VmRSS:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])  # type: ignore[index]
 
-    with Workbench(loaded) as bench:
+    with EvaluationContext(loaded) as context:
         for k in range(60):
-            evaluate(bench, {**values, "stature_m": 1.7 + 1e-4 * k})
+            evaluate(context, {**values, "stature_m": 1.7 + 1e-4 * k})
         before = resident_kib()
         for k in range(300):
-            evaluate(bench, {**values, "stature_m": 1.75 + 1e-4 * k})
+            evaluate(context, {**values, "stature_m": 1.75 + 1e-4 * k})
         assert resident_kib() - before < 3000  # a leak of one matrix pair in ten pilots would be 5 MB
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from pilotgen.search import Problem, run_search
 from pilotgen.search.quality import compare_with_nsga2
-from pilotgen.study import SearchSettings, read_study
+from pilotgen.study.study import SearchSettings, read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 

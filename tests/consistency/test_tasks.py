@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pilotgen.calibration import grip_stiffness
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
-from pilotgen.study import read_study
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.study.study import read_study
+from pilotgen.virtual.calibration import grip_stiffness
 
 STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"
 TASKS = ("position", "relax", "force")
@@ -26,8 +26,8 @@ def evaluations(mbdae: Path, values: dict[str, float], sex: str = "male") -> dic
     found = {}
     for task in TASKS:
         own = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, task=task, sex=sex))
-        with Workbench(own, mbdae=str(mbdae)) as bench:
-            outcome = evaluate(bench, values)
+        with EvaluationContext(own, mbdae=str(mbdae)) as context:
+            outcome = evaluate(context, values)
         assert isinstance(outcome, Evaluation), outcome
         found[task] = outcome
     return found

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
-from pilotgen.activation import TORQUES, _least_effort
+from pilotgen.activation.activation import TORQUES, _least_effort
 from pilotgen.errors import EvaluationError
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-
 from pilotgen.bench import machine, runs, stages
 from pilotgen.bench.__main__ import main
-from pilotgen.pipeline import Workbench, evaluate
-from pilotgen.study import read_study
+
+from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 
@@ -39,12 +39,12 @@ def test_variant_changes_what_it_is_told(tmp_path: Path) -> None:
 def test_stages_add_up_to_the_whole(mbdae: Path) -> None:
     study = read_study(STUDIES / "quick.yaml")
     pilots = stages.random_pilots(study, 12)
-    with Workbench(study) as bench:
-        first = evaluate(bench, pilots[0]).result
+    with EvaluationContext(study) as context:
+        first = evaluate(context, pilots[0]).result
         start = time.process_time()
-        measured = stages.measure(bench, pilots)
+        measured = stages.measure(context, pilots)
         spent_ms = 1e3 * (time.process_time() - start) / len(pilots)
-        assert evaluate(bench, pilots[0]).result == first  # the stopwatches are gone
+        assert evaluate(context, pilots[0]).result == first  # the stopwatches are gone
     assert set(measured.python_ms) >= set(stages.STAGES) - {"body and cockpit"}
     assert len(measured.solver_ms) == 3
     assert all(value > 0.0 for value in measured.solver_ms.values())

@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from pilotgen.biometrics import Biometrics, biometrics_from
+from pilotgen.anthropometry.biometrics import Biometrics, biometrics_from
 from pilotgen.errors import StudyError
 
 GOOD = {"age_years": 35.0, "stature_m": 1.75, "mass_kg": 80.0}

@@ -16,7 +16,11 @@ import numpy as np
 import pytest
 import yaml
 
-from pilotgen.calibration import (
+from pilotgen.activation.reflex import calibrated_gains
+from pilotgen.errors import EvaluationError
+from pilotgen.evaluation import EvaluationContext
+from pilotgen.study.study import MAYO_PRESETS, Reflex, read_study
+from pilotgen.virtual.calibration import (
     FITTED,
     PREDICTED,
     MeasuredPilot,
@@ -30,24 +34,20 @@ from pilotgen.calibration import (
     references,
     reflex_yaml,
 )
-from pilotgen.errors import EvaluationError
-from pilotgen.pipeline import Workbench
-from pilotgen.reflex import calibrated_gains
-from pilotgen.study import MAYO_PRESETS, Reflex, read_study
 
 STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"
 HZ = np.array([0.5, 1.0, 2.0, 3.0])
 
 
 @pytest.fixture(scope="module")
-def bench(mbdae: Path) -> Iterator[Workbench]:
-    with Workbench(reference_study(read_study(STUDY)), mbdae=str(mbdae)) as bench:
-        yield bench
+def context(mbdae: Path) -> Iterator[EvaluationContext]:
+    with EvaluationContext(reference_study(read_study(STUDY)), mbdae=str(mbdae)) as context:
+        yield context
 
 
 @pytest.fixture(scope="module")
-def subject(bench: Workbench) -> Subject:
-    return Subject(bench, references().pilots[FITTED].values)
+def subject(context: EvaluationContext) -> Subject:
+    return Subject(context, references().pilots[FITTED].values)
 
 
 def test_shipped_gains_give_the_mesomorphic_pilot_the_measured_pair(subject: Subject) -> None:
@@ -133,10 +133,10 @@ def test_references_are_mayos() -> None:
         assert (measured.frequency_hz, measured.damping, measured.time_constant_s) == tuple(MAYO_PRESETS[name].values())
 
 
-def test_report_and_yaml(bench: Workbench) -> None:
+def test_report_and_yaml(context: EvaluationContext) -> None:
     from pilotgen.commands.calibrate import report
 
-    found = calibrate(bench, sensitivities=False)
+    found = calibrate(context, sensitivities=False)
     text = report(found)
     assert "mesomorphic" in text and "ectomorphic" in text and "Mayo" in text
     tasks = yaml.safe_load(reflex_yaml(found))["tasks"]
@@ -156,8 +156,11 @@ def test_too_much_tonic_activity_is_told(mbdae: Path) -> None:
     """With every muscle active the arm is damped beyond the people: no positive Kd is left."""
     study = reference_study(read_study(STUDY))
     tonic = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, activation_floor=0.15))
-    with Workbench(tonic, mbdae=str(mbdae)) as bench, pytest.raises(EvaluationError, match=r"activation_floor"):
-        fit_gains(Subject(bench, references().pilots[FITTED].values), references().pilots[FITTED].measured)
+    with (
+        EvaluationContext(tonic, mbdae=str(mbdae)) as context,
+        pytest.raises(EvaluationError, match=r"activation_floor"),
+    ):
+        fit_gains(Subject(context, references().pilots[FITTED].values), references().pilots[FITTED].measured)
 
 
 def test_the_command(mbdae: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

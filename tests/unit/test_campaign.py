@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from pilotgen.campaign import Campaign, TooManyFailures, failures_by_reason, locked_directory
 from pilotgen.errors import FileError
-from pilotgen.executor import ProcessWorkers, SerialWorkers
-from pilotgen.journal import Journal
+from pilotgen.runs.batch import Batch, TooManyFailures, failures_by_reason, locked_directory
+from pilotgen.runs.executor import ProcessWorkers, SerialWorkers
+from pilotgen.runs.journal import Journal
 
 
 def evaluate(task: dict[str, float]) -> tuple[dict[str, Any], float]:
@@ -30,8 +30,8 @@ def evaluate(task: dict[str, float]) -> tuple[dict[str, Any], float]:
     return {"status": "ok", "loop": {"gain_margin_db": 2.0 * x}}, 0.01
 
 
-def _campaign(journal: Journal, **options: Any) -> Campaign:
-    return Campaign(journal, SerialWorkers(), evaluate, dict, "fingerprint", **options)
+def _campaign(journal: Journal, **options: Any) -> Batch:
+    return Batch(journal, SerialWorkers(), evaluate, dict, "fingerprint", **options)
 
 
 def test_each_pilot_once_and_in_order(tmp_path: Path) -> None:
@@ -45,7 +45,7 @@ def test_each_pilot_once_and_in_order(tmp_path: Path) -> None:
         again = _campaign(journal)
         assert again.evaluate(pilots) == results
         assert (again.tally.evaluated, again.tally.served, again.tally.failed) == (0, 3, 1)
-        other = Campaign(journal, SerialWorkers(), evaluate, dict, "another fingerprint")
+        other = Batch(journal, SerialWorkers(), evaluate, dict, "another fingerprint")
         other.evaluate(pilots[:1])
         assert other.tally.evaluated == 1
         retry = _campaign(journal, retry_failed=True)
@@ -59,7 +59,7 @@ def test_workers_in_other_processes_give_the_same(tmp_path: Path) -> None:
     for count in (1, 2):
         workers = ProcessWorkers(count)
         with Journal(tmp_path / f"j{count}.sqlite") as journal:
-            answers.append(Campaign(journal, workers, evaluate, dict, "f").evaluate(pilots))
+            answers.append(Batch(journal, workers, evaluate, dict, "f").evaluate(pilots))
         workers.close()
     assert answers[0] == answers[1]
 
@@ -94,7 +94,7 @@ def test_directory_that_holds_a_study_is_refused_without_resume(tmp_path: Path) 
 
 def test_second_run_on_one_directory_is_refused(tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from pilotgen.campaign import locked_directory\n"
+        "import sys; from pathlib import Path; from pilotgen.runs.batch import locked_directory\n"
         "from pilotgen.errors import FileError\n"
         "try:\n"
         "    with locked_directory(Path(sys.argv[1]), resume=True): print('in')\n"
@@ -129,7 +129,7 @@ def test_workers_rehearse_when_the_journal_is_empty_only(tmp_path: Path) -> None
             rehearsed.append((function, task))
 
     with Journal(tmp_path / "j.sqlite") as journal:
-        campaign = Campaign(journal, Players(), evaluate, lambda values: {"stature_m": 1.8, **values}, "fingerprint")
+        campaign = Batch(journal, Players(), evaluate, lambda values: {"stature_m": 1.8, **values}, "fingerprint")
         campaign.rehearse()
         assert rehearsed == [(evaluate, {"stature_m": 1.8})]
         assert campaign.tally.done == len(journal) == 0

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pilotgen import cockpit as cockpit_module
-from pilotgen.biometrics import Biometrics
-from pilotgen.body import Body, make_body
-from pilotgen.cockpit import check_cockpit, cockpit_data, make_cockpit
+from pilotgen.anthropometry.biometrics import Biometrics
+from pilotgen.anthropometry.body import Body, make_body
 from pilotgen.errors import StudyError
+from pilotgen.posture import cockpit as cockpit_module
+from pilotgen.posture.cockpit import check_cockpit, cockpit_data, make_cockpit
 
 
 def body_of(stature_m: float, sex: str = "male") -> Body:

@@ -14,7 +14,7 @@ import pytest
 
 from pilotgen.cli import COMMANDS, main
 from pilotgen.commands.common import replay_command
-from pilotgen.solver import find_mbdae
+from pilotgen.solver.client import find_mbdae
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 QUICK = STUDIES / "quick.yaml"

@@ -13,9 +13,9 @@ import pytest
 from linear_models import CASES, case, random_mechanism
 from test_matrices import complete_matrices
 
-from pilotgen.compare import compare, report, run_compare
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.matrices import Matrices, write_matrices
+from pilotgen.linear.compare import compare, report, run_compare
+from pilotgen.solver.matrices import Matrices, write_matrices
 
 
 def with_change(matrices: Matrices, row: int, column: int, by: float, rate: bool = False) -> Matrices:

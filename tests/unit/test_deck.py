@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from jinja2 import UndefinedError
 
-from pilotgen import deck as decks
-from pilotgen import deck_text
-from pilotgen.biometrics import Biometrics
-from pilotgen.body import SEGMENTS, make_body
-from pilotgen.cockpit import make_cockpit
-from pilotgen.posture import first_guess, from_poses
+from pilotgen.anthropometry.biometrics import Biometrics
+from pilotgen.anthropometry.body import SEGMENTS, make_body
+from pilotgen.decks import deck as decks
+from pilotgen.decks import text as deck_text
+from pilotgen.posture.cockpit import make_cockpit
+from pilotgen.posture.posture import first_guess, from_poses
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pilotgen.executor import MAX_ATTEMPTS, ProcessWorkers, SerialWorkers, WorkerLost
+from pilotgen.runs.executor import MAX_ATTEMPTS, ProcessWorkers, SerialWorkers, WorkerLost
 
 
 def square(x: int) -> int:

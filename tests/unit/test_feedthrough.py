@@ -17,10 +17,10 @@ from linear_models import assemble
 from numpy.testing import assert_allclose
 
 from pilotgen.errors import EvaluationError, FileError, MatrixError, StudyError
-from pilotgen.feedthrough import CERTIFICATE_BAND_HZ, certificate, make_pilot_model, mayo_pilot
-from pilotgen.matrices import Matrices, descriptor
-from pilotgen.pilot_model import PilotModel, read_pilot_model
-from pilotgen.plant import Channels, full_order_response, split
+from pilotgen.linear.feedthrough import CERTIFICATE_BAND_HZ, certificate, make_pilot_model, mayo_pilot
+from pilotgen.linear.imposed_motion import Channels, full_order_response, split
+from pilotgen.linear.pilot_model import PilotModel, read_pilot_model
+from pilotgen.solver.matrices import Matrices, descriptor
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 20.0, 40)
 # a lever on the seat: mass m at distance r from the hinge, moment of inertia J about it, spring and damper in the hinge

@@ -14,10 +14,10 @@ import pytest
 from study_maker import mayo_study, write_study
 
 from pilotgen import figures
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures import style
 from pilotgen.figures.study import Curve
-from pilotgen.pipeline import Evaluation, Workbench, evaluate
-from pilotgen.results import StudyResults
+from pilotgen.runs.results import StudyResults
 
 WORST_CORNER = {"pilot_frequency_hz": 2.5, "pilot_damping": 0.2, "pilot_time_constant_s": 0.06}
 
@@ -27,9 +27,9 @@ def pilots() -> dict[str, Evaluation]:
     """Mayo's mesomorphic pilot (no unit-circle crossing) and an unstable one with two."""
     study = mayo_study()
     found = {}
-    with Workbench(study) as bench:
+    with EvaluationContext(study) as context:
         for name, values in (("nominal", study.nominal), ("worst", WORST_CORNER)):
-            outcome = evaluate(bench, values)
+            outcome = evaluate(context, values)
             assert isinstance(outcome, Evaluation)
             found[name] = outcome
     return found

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import FileError
-from pilotgen.helicopter import HeaveModel, rotorcraft_report
-from pilotgen.rotorcraft import load_rotorcraft
+from pilotgen.loop.heave_model import HeaveModel, rotorcraft_report
+from pilotgen.study.rotorcraft import load_rotorcraft
 
 OMEGA = 2.0 * math.pi * np.geomspace(0.01, 30.0, 23)
 

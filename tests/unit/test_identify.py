@@ -17,10 +17,10 @@ import pytest
 
 from pilotgen.cli import main
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.identify import Identification, identify, report, write_identification
-from pilotgen.pipeline import Workbench
-from pilotgen.study import read_study
-from pilotgen.virtual_test import (
+from pilotgen.evaluation import EvaluationContext
+from pilotgen.study.study import read_study
+from pilotgen.virtual.identify import Identification, identify, report, write_identification
+from pilotgen.virtual.virtual_test import (
     RAMP_S,
     Motion,
     harmonic_test,
@@ -58,7 +58,7 @@ class Oscillator:
         self.quadratic = quadratic
         self.calls: list[float] = []
 
-    def shake(self, drive, final_time_s, time_step_s, activation_check=False, name=""):  # type: ignore[no-untyped-def]
+    def simulate(self, drive, final_time_s, time_step_s, activation_check=False, name=""):  # type: ignore[no-untyped-def]
         from scipy.signal import StateSpace, lsim
 
         self.calls.append(final_time_s)
@@ -176,9 +176,9 @@ def test_motion_files_are_checked(tmp_path: Path) -> None:
 def found(mbdae: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Identification]:
     study = read_study(STUDY)
     seen: list[tuple[int, int]] = []
-    with Workbench(study, mbdae=str(mbdae)) as bench:
+    with EvaluationContext(study, mbdae=str(mbdae)) as context:
         yield identify(
-            bench,
+            context,
             study.nominal,
             methods=("direct", "harmonic"),
             amplitudes_m_s2=(0.05, 3.0),
@@ -263,4 +263,4 @@ def test_wrong_arguments(arguments: list[str], words: str, tmp_path: Path, capsy
 def test_mayo_s_pilots_cannot_be_shaken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mayo = STUDY.with_name("puma-mayo.yaml")
     assert main(["identify", str(mayo), "-o", str(tmp_path / "out")]) == 1
-    assert "no body to shake" in capsys.readouterr().err
+    assert "no body to simulate" in capsys.readouterr().err

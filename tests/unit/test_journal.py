@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pilotgen.errors import FileError
-from pilotgen.journal import Journal, Record, evaluation_key
+from pilotgen.runs.journal import Journal, Record, evaluation_key
 
 
 def _record(number: int) -> Record:
@@ -45,7 +45,7 @@ def test_key_depends_on_every_input_bit_and_not_on_order() -> None:
 def test_rows_survive_sigkill(tmp_path: Path) -> None:
     path = tmp_path / "j.sqlite"
     code = (
-        "import sys; from pathlib import Path; from pilotgen.journal import Journal, Record\n"
+        "import sys; from pathlib import Path; from pilotgen.runs.journal import Journal, Record\n"
         "journal = Journal(Path(sys.argv[1]))\n"
         "i = 0\n"
         "while True:\n"

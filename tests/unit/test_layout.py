@@ -11,11 +11,11 @@ import h5py
 import numpy as np
 import pytest
 
-from pilotgen import datasets as room
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.layout import compare, take_sample
-from pilotgen.matrices import _TABLES, _VECTORS, read_matrices
-from pilotgen.solver import SolverClient
+from pilotgen.solver import datasets as room
+from pilotgen.solver.client import SolverClient
+from pilotgen.solver.layout import compare, take_sample
+from pilotgen.solver.matrices import _TABLES, _VECTORS, read_matrices
 
 
 @pytest.fixture(autouse=True)

@@ -10,10 +10,10 @@ import math
 import numpy as np
 import pytest
 
-from pilotgen.helicopter import HeaveModel
-from pilotgen.loop import LoopModel
-from pilotgen.rotorcraft import load_rotorcraft
-from pilotgen.statespace import StateSpaceModel, transfer_function
+from pilotgen.linear.statespace import StateSpaceModel, transfer_function
+from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.loop import LoopModel
+from pilotgen.study.rotorcraft import load_rotorcraft
 
 OMEGA = 2.0 * math.pi * np.geomspace(0.05, 30.0, 40)
 PUMA = HeaveModel(load_rotorcraft("iar330-puma"))

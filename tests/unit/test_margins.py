@@ -11,11 +11,11 @@ import math
 import numpy as np
 import pytest
 
-from pilotgen.helicopter import HeaveModel
-from pilotgen.loop import LoopModel
-from pilotgen.margins import Margins, margins
-from pilotgen.rotorcraft import load_rotorcraft
-from pilotgen.statespace import StateSpaceModel, series, transfer_function, zeros_poles_gain
+from pilotgen.linear.statespace import StateSpaceModel, series, transfer_function, zeros_poles_gain
+from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.margins import Margins, margins
+from pilotgen.study.rotorcraft import load_rotorcraft
 
 PUMA = HeaveModel(load_rotorcraft("iar330-puma"))
 TWO_PI = 2.0 * math.pi

@@ -15,7 +15,7 @@ from linear_models import random_mechanism
 from numpy.testing import assert_allclose, assert_array_equal
 
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.matrices import (
+from pilotgen.solver.matrices import (
     InputTable,
     JointTable,
     Matrices,

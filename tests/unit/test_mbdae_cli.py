@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 import pytest
 
-from pilotgen.solver import SolverClient
+from pilotgen.solver.client import SolverClient
 
 # A point mass on a weightless string of length 2 m, as a body hinged at the origin; gravity 9.81 m/s^2 along -z.
 PENDULUM = """begin: data; problem: initial value; end: data;

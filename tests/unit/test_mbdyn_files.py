@@ -14,8 +14,8 @@ from linear_models import CASES, assemble, raw_case
 from numpy.testing import assert_allclose, assert_array_equal
 
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.matrices import Matrices, descriptor
-from pilotgen.mbdyn_files import RawEigenanalysis, read_m, read_mbdyn, read_netcdf, to_textbook
+from pilotgen.solver.matrices import Matrices, descriptor
+from pilotgen.solver.mbdyn_files import RawEigenanalysis, read_m, read_mbdyn, read_netcdf, to_textbook
 
 NETCDF_CASES = ["c03a_revhinge_rod_rest", "c08a_muscle_pennestri"]
 

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from linear_models import assemble, case, dense_eigenvalues, random_mechanism, sort
 from numpy.testing import assert_allclose
 
-from pilotgen.descriptor import DescriptorModel
 from pilotgen.errors import MatrixError
-from pilotgen.matrices import descriptor
-from pilotgen.modal import ModalModel, independent_constraints, modes
+from pilotgen.linear.modal import ModalModel, independent_constraints, modes
+from pilotgen.solver.descriptor import DescriptorModel
+from pilotgen.solver.matrices import descriptor
 
 
 def assert_modal(model: DescriptorModel, modal: ModalModel, tolerance: float = 1e-9) -> None:

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pilotgen.feedthrough import mayo_pilot
-from pilotgen.helicopter import HeaveModel
-from pilotgen.locus import Locus
-from pilotgen.loop import LoopModel
-from pilotgen.margins import margins
-from pilotgen.partial_fractions import PartialFractions, poles_and_residues, washout
-from pilotgen.pilot_model import PilotModel
-from pilotgen.rotorcraft import load_rotorcraft
-from pilotgen.statespace import StateSpaceModel
+from pilotgen.linear.feedthrough import mayo_pilot
+from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues, washout
+from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.linear.statespace import StateSpaceModel
+from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.locus import Locus
+from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.margins import margins
+from pilotgen.study.rotorcraft import load_rotorcraft
 
 PUMA = HeaveModel(load_rotorcraft("iar330-puma"))
 OMEGA = np.concatenate(([0.0], np.geomspace(1e-2, 1e3, 60)))

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from pilotgen.biometrics import Biometrics
-from pilotgen.body import SEGMENTS, Body, make_body
-from pilotgen.cockpit import make_cockpit
+from pilotgen.anthropometry.biometrics import Biometrics
+from pilotgen.anthropometry.body import SEGMENTS, Body, make_body
 from pilotgen.errors import EvaluationError
-from pilotgen.kinematics import (
+from pilotgen.posture.cockpit import make_cockpit
+from pilotgen.posture.kinematics import (
     MIRROR,
     arm_geometry,
     forward,
@@ -31,7 +31,7 @@ from pilotgen.kinematics import (
     rotation_vector,
     rotation_vector_rate,
 )
-from pilotgen.posture import ergonomics, first_guess, from_poses
+from pilotgen.posture.posture import ergonomics, first_guess, from_poses
 
 BODY = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), ("left", "right"))
 COCKPIT = make_cockpit(BODY, lever_length_m=0.32, position=0.5)
@@ -146,7 +146,7 @@ def test_muscle_lengths_are_distances() -> None:
 
 
 def spring_energy(q: np.ndarray, torso: tuple, handle: tuple) -> float:
-    """Energy [J] of the comfort springs, written with scipy's rotations from the definition of the posture deck."""
+    """Energy [J] of the ergonomic joint springs, by scipy's rotations from the definition of the posture deck."""
     e = ergonomics()
     shoulder = (Rotation.from_rotvec(e.neutral_rad[:3]).inv() * Rotation.from_rotvec(q[:3])).as_rotvec()
     stretch = np.concatenate((shoulder, q[3:] - e.neutral_rad[3:]))
@@ -157,10 +157,10 @@ def spring_energy(q: np.ndarray, torso: tuple, handle: tuple) -> float:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_guess_heads_for_the_most_comfortable_posture(side: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_guess_heads_for_the_least_effort_posture(side: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # as far as its iteration gets; the program stops it earlier, where the solver goes on faster
-    monkeypatch.setattr("pilotgen.posture._GUESS_SETTLED_RAD", 0.05)
-    monkeypatch.setattr("pilotgen.posture._GUESS_CLOSED_M", 5e-3)
+    monkeypatch.setattr("pilotgen.posture.posture._GUESS_SETTLED_RAD", 0.05)
+    monkeypatch.setattr("pilotgen.posture.posture._GUESS_CLOSED_M", 5e-3)
     torso, inceptor = COCKPIT.torso[side], COCKPIT.inceptors[side]
     handle = (inceptor.grip_world_m, inceptor.pose[1] @ inceptor.handle)
     if side == "left":

@@ -21,8 +21,8 @@ from pilotgen.errors import FileError
 from pilotgen.figures.study import Curve
 from pilotgen.report import findings, page, write_report
 from pilotgen.report.decks import MOST_DECKS, choose_front
-from pilotgen.results import StudyResults
-from pilotgen.study import apply_settings
+from pilotgen.runs.results import StudyResults
+from pilotgen.study.study import apply_settings
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import FileError
-from pilotgen.results import Row, columns_of, read_results, write_results
+from pilotgen.runs.results import Row, columns_of, read_results, write_results
 
 NAMES = ("bmi", "stature_m")
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pilotgen.errors import StudyError
-from pilotgen.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
+from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
 
 PUMA: dict[str, Any] = {
     "mass_kg": 7345.0,

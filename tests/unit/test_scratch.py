@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pilotgen.scratch import ScratchDirectory
+from pilotgen.solver.scratch import ScratchDirectory
 
 
 def test_directory_is_there_until_closed() -> None:
@@ -24,7 +24,7 @@ def test_directory_is_there_until_closed() -> None:
 
 def test_directory_of_a_killed_process_is_removed_by_the_next() -> None:
     code = (
-        "import sys, time; from pilotgen.scratch import ScratchDirectory\n"
+        "import sys, time; from pilotgen.solver.scratch import ScratchDirectory\n"
         "scratch = ScratchDirectory(); (scratch.path / 'file').touch(); print(scratch.path, flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as child:

@@ -13,7 +13,7 @@ from pilotgen.search.algorithm import Search
 from pilotgen.search.ranking import non_dominated_rank
 from pilotgen.search.sampling import sobol
 from pilotgen.search.termination import GENERATION_LIMIT, RANK_ONE_SHARE, rank_one_share, stopped_by
-from pilotgen.study import SearchSettings
+from pilotgen.study.study import SearchSettings
 
 ALGORITHMS = ["goldberg", "nsga2"]
 
@@ -216,7 +216,7 @@ def test_one_and_three_objectives(objectives: tuple[str, ...]) -> None:
 
 def test_an_objective_that_nothing_moves_leaves_the_hypervolume_of_the_other() -> None:
     from pilotgen.search.quality import compare_with_nsga2
-    from pilotgen.study import SearchSettings
+    from pilotgen.study.study import SearchSettings
 
     settings = SearchSettings(
         variables={"bmi": (18.0, 30.0), "stature_m": (1.55, 2.0)},

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.search.problem import Problem, ranked_objectives
-from pilotgen.study import OBJECTIVES, read_study
+from pilotgen.study.study import OBJECTIVES, read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 BOTH = ("gain_margin_db", "phase_margin_deg")

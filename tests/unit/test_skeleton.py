@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import Environment, StrictUndefined, Template
 
-from pilotgen.skeleton import Part, Skeletons
+from pilotgen.decks.template_cache import Part, TemplateCache
 
 ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)
 TEMPLATES = {
@@ -41,7 +41,7 @@ def count_renderings(template: Template) -> list[int]:
 @given(st.lists(st.tuples(TEXTS, TEXTS, st.lists(TEXTS, max_size=2), st.booleans()), min_size=1, max_size=12))
 def test_same_text_as_the_template(name: str, rows: list[tuple[str, str, list[str], bool]]) -> None:
     template = ENVIRONMENT.from_string(TEMPLATES[name])
-    skeletons = Skeletons(template)
+    skeletons = TemplateCache(template)
     for a, x, c, flag in rows:
         variables = {"a": a, "b": SimpleNamespace(x=x), "c": c, "n": 3, "flag": flag}
         assert skeletons.render(**variables) == template.render(variables)
@@ -49,12 +49,12 @@ def test_same_text_as_the_template(name: str, rows: list[tuple[str, str, list[st
 
 def test_a_known_structure_is_not_rendered_again() -> None:
     template = ENVIRONMENT.from_string(TEMPLATES["compares"])
-    skeletons, calls = Skeletons(template), count_renderings(template)
+    skeletons, calls = TemplateCache(template), count_renderings(template)
     for i in range(50):
         skeletons.render(a=f"{i}" if i % 2 else "x", b=SimpleNamespace(x="2"), c=["3"])
     assert calls[0] > 4  # the comparison makes every `a` a structure of its own
     template = ENVIRONMENT.from_string(TEMPLATES["prints"])
-    skeletons, calls = Skeletons(template), count_renderings(template)
+    skeletons, calls = TemplateCache(template), count_renderings(template)
     for i in range(50):
         skeletons.render(a=f"{i}", b=SimpleNamespace(x="2"), c=["3", f"{-i}"], n=2)
     assert calls[0] == 3  # twice to find it worth while, once with markers
@@ -62,7 +62,7 @@ def test_a_known_structure_is_not_rendered_again() -> None:
 
 def test_a_part_prints_as_a_namespace_does() -> None:
     template = ENVIRONMENT.from_string("{{ p.x }} {% for k in p.c %}{{ k }}{% endfor %}{{ q }}")
-    skeletons = Skeletons(template)
+    skeletons = TemplateCache(template)
     for i in range(12):
         part = Part(x=f"{i}", c=["3"] * (i % 3))
         for q in ("u", "v"):  # two decks, one part
@@ -72,4 +72,4 @@ def test_a_part_prints_as_a_namespace_does() -> None:
 
 def test_other_variables_are_refused() -> None:
     with pytest.raises(TypeError, match="not float"):
-        Skeletons(ENVIRONMENT.from_string("{{ a }}")).render(a=1.5)
+        TemplateCache(ENVIRONMENT.from_string("{{ a }}")).render(a=1.5)

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import FileError, SolverError
-from pilotgen.mbdyn import find_mbdyn, run_mbdyn
-from pilotgen.solver import SolverClient, find_mbdae
+from pilotgen.solver.client import SolverClient, find_mbdae
+from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 
 REPLY = {
     "id": None,
@@ -213,7 +213,7 @@ def test_a_solver_that_cannot_start(tmp_path: Path) -> None:
 def test_a_client_that_crossed_a_fork_leaves_the_parents_process_alone(tmp_path: Path) -> None:
     program = f"""
 import os, sys
-from pilotgen.solver import SolverClient
+from pilotgen.solver.client import SolverClient
 client = SolverClient({str(fake(tmp_path, "reply['message'] = str(os.getpid())" + chr(10) + "answer(reply)"))!r})
 mine = client.request("version").message
 child = os.fork()
@@ -232,7 +232,7 @@ assert client.request("version").message == mine
 def test_no_solver_survives_its_client(tmp_path: Path, end: str) -> None:
     program = f"""
 import os, sys
-from pilotgen.solver import SolverClient
+from pilotgen.solver.client import SolverClient
 client = SolverClient({str(fake(tmp_path, "answer(reply)"))!r})
 client.request("version")
 print(client.pid, flush=True)
@@ -282,7 +282,7 @@ def test_without_any_solver_the_message_says_how_to_get_one(tmp_path: Path, monk
     monkeypatch.delenv("PILOTGEN_MBDAE", raising=False)
     monkeypatch.delenv("PILOTGEN_MBDYN", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("pilotgen.solver.resources.files", lambda _: tmp_path)
+    monkeypatch.setattr("pilotgen.solver.client.resources.files", lambda _: tmp_path)
     with pytest.raises(FileError, match=r"'mbdae' is not installed.*make install"):
         find_mbdae()
     with pytest.raises(FileError, match="MBDyn is not installed"):

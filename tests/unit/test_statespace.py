@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import PilotgenError
-from pilotgen.statespace import StateSpaceModel, parallel, series, transfer_function, zeros_poles_gain
+from pilotgen.linear.statespace import StateSpaceModel, parallel, series, transfer_function, zeros_poles_gain
 
 OMEGA = np.geomspace(1e-3, 1e3, 41)
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 from study_texts import MAYO, MULTIBODY, changed
 
-from pilotgen import study as study_module
 from pilotgen.errors import StudyError
-from pilotgen.fields import Choice, Number, Whole
-from pilotgen.study import Inceptor, Study, apply_settings, read_study, study_from_text
+from pilotgen.study import study as study_module
+from pilotgen.study.schema import Choice, Number, Whole
+from pilotgen.study.study import Inceptor, Study, apply_settings, read_study, study_from_text
 
 ROOT = Path(__file__).parents[2]
 STUDIES = ROOT / "docs" / "studies"
@@ -198,7 +198,7 @@ def test_format_page_tells_every_key_with_its_range_and_default() -> None:
 
 def test_reading_a_study_is_light() -> None:
     code = (
-        "import sys, pilotgen.study as s; s.read_study(sys.argv[1]);"
+        "import sys, pilotgen.study.study as s; s.read_study(sys.argv[1]);"
         "heavy = {'numpy', 'scipy', 'matplotlib', 'pymoo', 'h5py', 'jsonschema'} & set(sys.modules);"
         "sys.exit(str(heavy) if heavy else 0)"
     )

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from study_texts import MAYO, MULTIBODY, changed, message_of
 
 from pilotgen.errors import FileError, StudyError
-from pilotgen.study import read_study, study_from_text
+from pilotgen.study.study import read_study, study_from_text
 
 MISTAKES = [
     ("study: test\n", "", "s.yaml:1: key 'study' is missing at the top level; add it"),

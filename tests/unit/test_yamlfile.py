@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pilotgen.errors import FileError, StudyError
-from pilotgen.yamlfile import MAX_BYTES, plain_scalar, read_yaml, yaml_from_text
+from pilotgen.study.yaml_file import MAX_BYTES, plain_scalar, read_yaml, yaml_from_text
 
 
 def test_values_and_lines() -> None:

@@ -1,0 +1,355 @@
+"""The whole chain for one pilot on one page: values of a study in, margins out.
+
+    biometrics -> body -> cockpit -> posture deck -> posture -> trim deck -> activations -> pilot deck -> matrices
+               -> descriptor -> modes -> feedthrough -> loop -> margins
+
+A pilot that cannot be evaluated is a result too: `FailedEvaluation`, with the stage and the reason.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotgen.activation.activation import Activations, solve_activations
+from pilotgen.activation.reflex import reflex_gains
+from pilotgen.anthropometry.biometrics import Biometrics, biometrics_from
+from pilotgen.anthropometry.body import Body, make_body
+from pilotgen.decks.deck import render_direct, render_posture, render_trim
+from pilotgen.errors import EvaluationError, FileError, MatrixError, SolverError, StudyError
+from pilotgen.files import write_text
+from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilot
+from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.linear.statespace import StateSpaceModel
+from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.margins import Margins, margins
+from pilotgen.posture.cockpit import Cockpit, check_cockpit, make_cockpit
+from pilotgen.posture.posture import Posture, first_guess, from_poses
+from pilotgen.solver.client import SolverClient, SolverReply, find_mbdae
+from pilotgen.solver.matrices import Matrices, read_matrices
+from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
+from pilotgen.solver.scratch import ScratchDirectory
+from pilotgen.study.study import Study
+from pilotgen.summary import bdft_summary
+
+POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
+DECK_NAMES = (POSTURE_DECK, TRIM_DECK, PILOT_DECK)
+
+EQUILIBRIUM_LIMIT = 1e-6  # N, N m: a larger residual is no equilibrium and its linearisation means nothing
+SOLVER_ATTEMPTS = 3  # a solver can be killed from outside; a deck that kills it every time is at fault
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One pilot, evaluated."""
+
+    values: dict[str, float]
+    result: dict[str, Any]  # JSON-able, the content of result.json
+    pilot_model: PilotModel
+    loop: LoopModel
+    margins: Margins
+
+
+@dataclass(frozen=True)
+class FailedEvaluation:
+    """One pilot that could not be evaluated, and why."""
+
+    values: dict[str, float]
+    stage: str
+    reason: str
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """JSON-able, the content of result.json."""
+        return {"status": "failed", "stage": self.stage, "reason": self.reason, "values": self.values}
+
+
+class EvaluationContext:
+    """What one process needs to evaluate the pilots of one study: solver, scratch directory, rotorcraft.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    mbdae, mbdyn : str, optional
+        Paths of the programs.
+    solver : str
+        "mbdae", or "mbdyn" to let MBDyn linearise the pilot's deck (posture and trim stay with mbdae).
+    time_limit_s : float
+        Wall time limit of one solver call.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        mbdae: str | None = None,
+        solver: str = "mbdae",
+        mbdyn: str | None = None,
+        time_limit_s: float = 30.0,
+    ) -> None:
+        self.study = study
+        self.solver = solver
+        self.time_limit_s = time_limit_s
+        check_cockpit(study.cockpit, study.where)
+        # A missing program is found out before anything is written.
+        self.mbdae = find_mbdae(mbdae) if study.pilot.model == "multibody" else None
+        self.mbdyn = find_mbdyn(mbdyn) if solver == "mbdyn" else None
+        self.helicopter = HeaveModel(study.rotorcraft)
+        self.solver_seconds = 0.0
+        self._client: SolverClient | None = None
+        self._scratch = ScratchDirectory()
+        self.scratch = self._scratch.path
+
+    @property
+    def client(self) -> SolverClient:
+        """The running solver; started when first asked for."""
+        if self._client is None:
+            self._client = SolverClient(self.mbdae, directory=self.scratch)
+        return self._client
+
+    def ask(
+        self, task: str, text: str, name: str, output: str | os.PathLike[str] | None = None, **options: Any
+    ) -> SolverReply:
+        """One solver call; a solver that dies is started again, three times at most.
+
+        The deck goes by the scratch directory, where the solver works: coding it as a JSON string and decoding it again
+        would cost more than the file.
+        """
+        self._put(name, text)
+        for attempt in range(1, SOLVER_ATTEMPTS + 1):
+            try:
+                reply = self.client.request(
+                    task,
+                    name=name,
+                    output=output,
+                    timeout_s=self.time_limit_s,
+                    **options,
+                )
+                break
+            except SolverError as error:
+                if not error.died or attempt == SOLVER_ATTEMPTS:
+                    raise
+        self.solver_seconds += reply.seconds
+        return reply
+
+    def _put(self, name: str, text: str) -> None:
+        data = memoryview(text.encode())
+        try:  # by system calls: a file object costs more than the writing
+            file = os.open(f"{self.scratch}/{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+            try:
+                while data:
+                    data = data[os.write(file, data) :]
+            finally:
+                os.close(file)
+        except OSError as error:
+            raise EvaluationError("solver", f"{name} cannot be handed to the solver: {error.strerror}") from None
+
+    def close(self) -> None:
+        """Stop the solver and remove the scratch directory."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        self._scratch.close()
+
+    def __enter__(self) -> EvaluationContext:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def evaluate(
+    context: EvaluationContext, values: Mapping[str, float], keep: Path | None = None
+) -> Evaluation | FailedEvaluation:
+    """Evaluate one pilot; with `keep`, decks and matrices.h5 stay in that directory."""
+    plain = {name: float(value) for name, value in values.items()}
+    try:
+        if context.study.pilot.model == "mayo":
+            return _evaluate_mayo(context, plain)
+        return _evaluate_multibody(context, plain, keep)
+    except EvaluationError as error:
+        return FailedEvaluation(plain, error.stage, error.reason)
+    except MatrixError as error:
+        return FailedEvaluation(plain, "matrices", str(error))
+
+
+def write_decks(context: EvaluationContext, values: Mapping[str, float], directory: Path) -> FailedEvaluation | None:
+    """Write the three decks of one pilot; None when all went well."""
+    plain = {name: float(value) for name, value in values.items()}
+    try:
+        solve_pilot(context, plain, directory, linearise=False)
+    except EvaluationError as error:
+        return FailedEvaluation(plain, error.stage, error.reason)
+    return None
+
+
+@dataclass(frozen=True)
+class SolvedPilot:
+    """A multibody pilot in equilibrium at the controls."""
+
+    biometrics: Biometrics
+    body: Body
+    cockpit: Cockpit
+    posture: Posture
+    activations: Activations
+    deck: str
+    matrices: Matrices | None  # None when the pilot's deck was not linearised
+
+
+def solve_pilot(
+    context: EvaluationContext, values: Mapping[str, float], keep: Path | None = None, linearise: bool = True
+) -> SolvedPilot:
+    """Posture and activations of one pilot, the deck at the controls and, with `linearise`, its matrices."""
+    settings, inceptor = context.study.pilot, context.study.inceptor
+    where = keep if keep is not None else context.scratch
+
+    def write(name: str, text: str) -> None:
+        if keep is not None:
+            write_text(keep / name, text)
+
+    try:
+        biometrics = biometrics_from(values, settings.sex)
+    except StudyError as error:  # a corner of the box, such as a tall pilot of little mass, may hold no person
+        raise EvaluationError("biometrics", str(error)) from None
+    body = make_body(biometrics, settings.limbs)
+    cockpit = make_cockpit(
+        body,
+        lever_length_m=inceptor.lever_length_m,
+        position=inceptor.position,
+        seat=settings.seat,
+        overrides=context.study.cockpit,
+    )
+    guess = first_guess(body, cockpit)
+
+    text = render_posture(body, cockpit, guess)
+    write(POSTURE_DECK, text)
+    reply = context.ask("static", text, POSTURE_DECK)
+    posture = from_poses(body, cockpit, reply.nodes)
+
+    gains = reflex_gains(settings.task, settings.reflex)
+    c = settings.matrix_coefficient_s
+    text = render_trim(body, cockpit, posture, gains=gains, c=c)
+    write(TRIM_DECK, text)
+    trim_file = f"{context.scratch}/trim.h5"  # of no use after this page; the deck makes it again
+    context.ask("linearise", text, TRIM_DECK, trim_file, nodes=False)
+    trim = read_matrices(trim_file, complete=False)
+    activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
+
+    text = render_direct(
+        body, cockpit, posture, activations=activations, muscle_lengths=trim.muscle_lengths, gains=gains, c=c
+    )
+    write(PILOT_DECK, text)
+    matrices = linearise_direct(context, text, where) if linearise else None
+    return SolvedPilot(biometrics, body, cockpit, posture, activations, text, matrices)
+
+
+def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> Matrices:
+    """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another."""
+    context.ask("linearise", text, name, path, nodes=False)
+    try:
+        matrices = read_matrices(path, complete=False)
+    except FileError as error:
+        raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {error}") from None
+    if matrices.deck_sha256 != hashlib.sha256(text.encode()).hexdigest():
+        raise EvaluationError(
+            "matrices", f"mbdae said that it linearised {name}, but {os.path.basename(path)} is of another deck"
+        )
+    return matrices
+
+
+def linearise_direct(context: EvaluationContext, text: str, where: Path) -> Matrices:
+    """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5."""
+    matrices = _linearised(context, text, PILOT_DECK, f"{where}/matrices.h5")
+    worst = float(np.max(np.abs(matrices.equilibrium_residual)))
+    if not worst < EQUILIBRIUM_LIMIT:
+        index = int(np.argmax(np.abs(matrices.equilibrium_residual)))
+        raise EvaluationError(
+            "equilibrium",
+            f"the pilot's deck is not in equilibrium: {worst:.3g} N or N m left at {matrices.dof_names[index]}",
+        )
+    if context.solver == "mbdyn":
+        deck = where / PILOT_DECK
+        write_text(deck, text)
+        from pilotgen.solver.mbdyn_files import read_mbdyn
+
+        return read_mbdyn(run_mbdyn(deck, where, context.mbdyn, context.time_limit_s), layout=matrices)
+    return matrices
+
+
+def _evaluate_multibody(context: EvaluationContext, values: dict[str, float], keep: Path | None) -> Evaluation:
+    study = context.study
+    pilot = solve_pilot(context, values, keep)
+    assert pilot.matrices is not None
+    model = make_pilot_model(
+        pilot.matrices,
+        lever_length_m=study.inceptor.lever_length_m,
+        washout_rad_s=study.pilot.washout_rad_s,
+        projection=study.pilot.projection,
+    )
+    loop, verdict = _close_loop(context, model)
+    activation = pilot.activations
+    result = {
+        "status": "ok",
+        "study": study.name,
+        "values": values,
+        "biometrics": {
+            "age_years": pilot.biometrics.age_years,
+            "stature_m": pilot.biometrics.stature_m,
+            "mass_kg": pilot.biometrics.mass_kg,
+            "bmi": pilot.biometrics.bmi,
+            "sex": pilot.biometrics.sex,
+        },
+        "extrapolated": list(pilot.body.extrapolated),
+        "seat": pilot.cockpit.seat_report(),
+        "posture": dict(pilot.posture.angles_deg),
+        "activation": {
+            "largest": activation.largest,
+            "largest_muscle": activation.largest_muscle,
+            "sum_of_squares": activation.sum_of_squares,
+            "joint_torques_n_m": dict(activation.joint_torques_N_m),
+        },
+        "pilot_poles": model.pole_list(),
+        "bdft": bdft_summary(model, certificate=certificate(model)),
+        "loop": verdict.as_dict(),
+    }
+    return Evaluation(values, result, model, loop, verdict)
+
+
+def _evaluate_mayo(context: EvaluationContext, values: dict[str, float]) -> Evaluation:
+    study = context.study
+    model = mayo_pilot(
+        frequency_hz=values["pilot_frequency_hz"],
+        damping=values["pilot_damping"],
+        time_constant_s=values["pilot_time_constant_s"],
+        lever_length_m=study.inceptor.lever_length_m,
+        washout_rad_s=study.pilot.washout_rad_s,
+    )
+    loop, verdict = _close_loop(context, model)
+    result = {
+        "status": "ok",
+        "study": study.name,
+        "values": values,
+        "pilot_poles": model.pole_list(),
+        "bdft": bdft_summary(model, certificate=None),
+        "loop": verdict.as_dict(),
+    }
+    return Evaluation(values, result, model, loop, verdict)
+
+
+def _close_loop(context: EvaluationContext, model: PilotModel) -> tuple[LoopModel, Margins]:
+    inceptor = context.study.inceptor
+    A, B, C, D = model.state_space()
+    pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
+    loop = LoopModel(
+        pilot, context.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions()
+    )
+    return loop, margins(loop)

@@ -1,0 +1,177 @@
+"""Heave and coning of a rotorcraft in hover: blade pitch to vertical acceleration.
+
+The two equations of Zanoni and Muscarello, "Moving towards a-priori identification of undesirable pilot biometrics for
+collective bounce instability", eq. (32), in q = [z, beta] (z up, beta the coning angle) and the blade pitch theta:
+
+    M q'' + D q' + K q = F theta
+    M = [ m       n_b S_b ]   D = n_b gamma Omega I_b [ 1/(4 R^2)  1/(6 R) ]   K = [ 0  0                          ]
+        [ n_b S_b n_b I_b ]                           [ 1/(6 R)    1/8     ]       [ 0  n_b I_b nu_b^2 Omega^2 ]
+    F = n_b gamma Omega^2 I_b [ 1/(6 R), 1/8 ]
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pilotgen.errors import FileError
+from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
+from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
+from pilotgen.study.rotorcraft import NUMBERS, RANGES, Rotorcraft, load_rotorcraft
+
+
+@dataclass(frozen=True, eq=False)
+class HeaveModel:
+    """Vertical motion and coning of one rotorcraft: theta [rad] -> zddot [m/s^2]."""
+
+    rotorcraft: Rotorcraft
+
+    @cached_property
+    def _equations(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """M, D, K (2, 2) and F (2) of the module docstring, SI units."""
+        r = self.rotorcraft
+        omega = 2.0 * math.pi * r.rotor_speed_hz
+        R, I_b, n_b = r.rotor_radius_m, r.flap_inertia_kg_m2, float(r.blades)
+        coupling = n_b * r.flap_static_moment_kg_m
+        M = np.array([[r.mass_kg, coupling], [coupling, n_b * I_b]])
+        aero = n_b * r.lock_number * omega * I_b
+        D = aero * np.array([[1.0 / (4.0 * R**2), 1.0 / (6.0 * R)], [1.0 / (6.0 * R), 1.0 / 8.0]])
+        K = np.array([[0.0, 0.0], [0.0, n_b * I_b * (r.flap_frequency_ratio * omega) ** 2]])
+        F = aero * omega * np.array([1.0 / (6.0 * R), 1.0 / 8.0])
+        return M, D, K, F
+
+    @cached_property
+    def state_space(self) -> StateSpaceModel:
+        """States [zdot, beta, betadot]; input theta [rad]; output zddot [m/s^2]."""
+        M, D, K, F = self._equations
+        Mi = np.linalg.inv(M)
+        MD, MK, MF = Mi @ D, Mi @ K, Mi @ F
+        A = np.array(
+            [
+                [-MD[0, 0], -MK[0, 1], -MD[0, 1]],
+                [0.0, 0.0, 1.0],
+                [-MD[1, 0], -MK[1, 1], -MD[1, 1]],
+            ]
+        )
+        return StateSpaceModel(A, np.array([MF[0], 0.0, MF[1]]), A[0].copy(), float(MF[0]))
+
+    @cached_property
+    def poles(self) -> ComplexArray:
+        """Poles of zddot/theta [rad/s]; the paper lists one more at 0 for the height z itself."""
+        return self.state_space.poles
+
+    @cached_property
+    def partial_fractions(self) -> PartialFractions | None:
+        """The same, theta [rad] -> zddot [m/s^2], as a sum over its poles; None if two of them are (nearly) equal."""
+        model = self.state_space
+        poles, residues = poles_and_residues(model.A, model.B, model.C)
+        return None if residues is None else PartialFractions(poles, residues, model.D)
+
+    @cached_property
+    def transfer_function(self) -> tuple[FloatArray, FloatArray]:
+        """Numerator and denominator of H = zddot/theta, falling powers of s, denominator monic.
+
+        Cramer's rule on (M s^2 + D s + K) q = F theta, with one power of s cancelled: the height itself does not
+        enter the equations.
+        """
+        M, D, K, F = self._equations
+        # Row z is divided by s: [M s + D] q_z-column; polynomials in falling powers of s.
+        heave = np.array([M[0, 0], D[0, 0]])
+        cross = np.array([M[0, 1], D[0, 1]])
+        coning = np.array([M[1, 1], D[1, 1], K[1, 1]])
+        denominator = np.polysub(np.polymul(heave, coning), np.polymul(np.polymul(cross, cross), [1.0, 0.0]))
+        zdot = np.polysub(F[0] * coning, np.polymul(F[1] * cross, [1.0, 0.0]))
+        numerator = np.polymul(zdot, [1.0, 0.0])
+        return numerator / denominator[0], denominator / denominator[0]
+
+    def response(self, omega: npt.ArrayLike) -> ComplexArray:
+        """H(j omega) in m/s^2 per rad, omega in rad/s, any shape."""
+        return self.state_space.response(omega)
+
+
+def rotorcraft_report(rotorcraft: str | Mapping[str, Any] | Rotorcraft, out_dir: str | Path | None = None) -> str:
+    """Poles and transfer function of a rotorcraft as text, with a Bode figure on disk.
+
+    Parameters
+    ----------
+    rotorcraft : str, mapping or Rotorcraft
+        A Rotorcraft, or what `load_rotorcraft` takes.
+    out_dir : path, optional
+        Directory for the figure `rotorcraft-bode.png`; made if it does not exist. None: no figure.
+
+    Raises
+    ------
+    StudyError
+        As `load_rotorcraft`.
+    FileError
+        The figure cannot be written.
+    """
+    r = rotorcraft if isinstance(rotorcraft, Rotorcraft) else load_rotorcraft(rotorcraft)
+    model = HeaveModel(r)
+    numerator, denominator = model.transfer_function
+    lines = [r.name, f"  source: {r.source}", ""]
+    lines += [f"  {key:<26} {getattr(r, key):>10g} {RANGES.get(key, (0, 0, '', ''))[2]}".rstrip() for key in NUMBERS]
+    lines += ["", "Poles of heave and coning (one more at 0 for the height itself)"]
+    for pole in sorted(model.poles, key=lambda p: (abs(p), -p.imag)):
+        if pole.imag < 0.0:
+            continue
+        text = f"{pole.real:.4f}" if pole.imag == 0.0 else f"{pole.real:.4f} +- {pole.imag:.4f}i"
+        lines.append(
+            f"  {text:<24} rad/s   {abs(pole) / (2.0 * math.pi):7.4f} Hz, damping {-pole.real / abs(pole):.3f}"
+        )
+    lines += [
+        "",
+        "H(s) = zddot / theta [m/s^2 per rad], falling powers of s [rad/s]",
+        "  numerator    " + "  ".join(f"{c: .8g}" for c in numerator),
+        "  denominator  " + "  ".join(f"{c: .8g}" for c in denominator),
+    ]
+    if out_dir is not None:
+        lines += ["", f"Bode figure: {_bode_figure(model, Path(out_dir))}"]
+    return "\n".join(lines) + "\n"
+
+
+def _bode_figure(model: HeaveModel, out_dir: Path) -> Path:
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
+
+    frequency = np.geomspace(0.01, 20.0, 600)
+    response = model.response(2.0 * np.pi * frequency)
+    figure = Figure(figsize=(7.0, 5.5), layout="constrained")
+    gain, phase = figure.subplots(2, 1, sharex=True)
+    gain.loglog(frequency, np.abs(response), color="C0")
+    gain.set_ylabel("gain [m/s² per rad]")
+    gain.set_title(f"{model.rotorcraft.name}: blade pitch to vertical acceleration in hover")
+    phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(response))), color="C0")
+    phase.set_ylabel("phase [deg]")
+    phase.set_xlabel("frequency [Hz]")
+    phase.yaxis.set_major_locator(MultipleLocator(45.0))
+    coning = max(model.poles, key=lambda p: p.imag)
+    for axes in (gain, phase):
+        axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
+        axes.axvspan(2.0, 8.0, color="C1", alpha=0.15, linewidth=0.0, label="pilot-assisted oscillations, 2-8 Hz")
+        if coning.imag > 0.0:
+            axes.axvline(
+                abs(coning) / (2.0 * np.pi),
+                color="C3",
+                linewidth=1.0,
+                linestyle="--",
+                label=f"coning, {abs(coning) / (2.0 * np.pi):.2f} Hz",
+            )
+        axes.margins(x=0.0)
+    gain.legend(loc="upper left", fontsize="small")
+    path = out_dir / "rotorcraft-bode.png"
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise FileError(f"cannot write the Bode figure {path}: {error.strerror}; choose another directory") from error
+    return path

@@ -1,0 +1,351 @@
+"""The frequency response of a loop as a curve: values, derivatives, and the frequency axis cut into intervals.
+
+The spacing is a fixed fraction of the distance to the nearest pole, from omega = 0 to infinity, the last stretch in
+t = 1/omega; each interval carries a cubic Hermite interpolant of L and what is known of its error. The method and its
+reasons: docs/theory/margins.md.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from pilotgen.linear.partial_fractions import PartialFractions
+from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
+
+BoolArray = npt.NDArray[np.bool_]
+_Values = tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]  # L, dL/dx, sum of moduli, d2L/dx2
+
+_EPS = float(np.finfo(float).eps)
+_SPACING = 0.25  # grid spacing over distance to the nearest pole; interpolation error about spacing^4 / 16 of a residue
+FIRST_ERROR = 0.03  # assumed interpolation error on the first grid, relative to the largest coefficient
+_AXIS = 1e-10  # a pole this close to the imaginary axis, relative to its modulus, is on it
+_VANISHING = 1e-12  # a moment below this fraction of what its terms' moduli could give is zero
+
+_NEAR_END = np.array([1.0 / 64.0, 1.0 / 8.0, 1.0 / 2.0])  # extra points of the first interval and of the tail
+GUESS_POINTS = 33  # samples of an interpolant on one interval, for first guesses
+
+# |P|^2 of a cubic with Bernstein coefficients p has the degree-6 coefficients sum_ij SQUARE[4 i + j, k] p_i conj(p_j).
+_SQUARE = np.zeros((16, 7))
+for _i in range(4):
+    for _j in range(4):
+        _SQUARE[4 * _i + _j, _i + _j] = math.comb(3, _i) * math.comb(3, _j) / math.comb(6, _i + _j)
+
+
+@dataclass
+class Intervals:
+    """Pieces of the frequency axis with the Hermite data of L at both ends, and what is still to be decided."""
+
+    x0: FloatArray
+    x1: FloatArray
+    tail: BoolArray
+    L0: ComplexArray
+    S0: ComplexArray
+    L1: ComplexArray
+    S1: ComplexArray
+    error: FloatArray  # assumed interpolation error of L
+    from_end: BoolArray  # starts at x = 0, that is at omega = 0 or at infinity
+    error_K: FloatArray  # the same for K of End, where from_end
+    check_axis: BoolArray
+    check_circle: BoolArray
+
+    def take(self, which: BoolArray) -> Intervals:
+        """The intervals that `which` marks."""
+        return Intervals(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+    @cached_property
+    def P(self) -> ComplexArray:
+        """Bernstein coefficients of the cubic Hermite interpolant of L, shape (m, 4)."""
+        P = np.empty((self.x0.size, 4), dtype=complex)
+        third = (self.x1 - self.x0) / 3.0
+        P[:, 0], P[:, 3] = self.L0, self.L1
+        P[:, 1] = self.L0 + third * self.S0
+        P[:, 2] = self.L1 - third * self.S1
+        return P
+
+    def circle(self) -> FloatArray:
+        """Bernstein coefficients of |interpolant|^2 - 1, shape (m, 7)."""
+        products: FloatArray = (self.P[:, :, None] * self.P.conj()[:, None, :]).real.reshape(-1, 16)
+        return products @ _SQUARE - 1.0
+
+
+@cache
+def basis(degree: int) -> FloatArray:
+    """Bernstein polynomials on GUESS_POINTS equidistant points of [0, 1], shape (degree + 1, points)."""
+    u = np.linspace(0.0, 1.0, GUESS_POINTS)
+    return np.array([math.comb(degree, k) * u**k * (1.0 - u) ** (degree - k) for k in range(degree + 1)])
+
+
+@dataclass(frozen=True)
+class End:
+    """L = (e x)^order K(x) near x = 0, where x = omega and e = j, or x = 1/omega and e = -j.
+
+    K(0) is real and not zero, so K, unlike L, tells on which side of the real axis the locus arrives.
+    """
+
+    e: complex
+    order: int
+    K0: float
+    K1: float  # K(x) = K0 + e K1 x + ...
+
+    def start(self) -> tuple[complex, complex]:
+        """L and dL/dx at x = 0."""
+        if self.order == 0:
+            return complex(self.K0), self.e * self.K1
+        return 0j, self.e * self.K0 if self.order == 1 else 0j
+
+    def axis_coefficients(self, x1: float, L1: complex, S1: complex) -> tuple[ComplexArray, FloatArray]:
+        """Bernstein coefficients on [0, x1] of K, and of a function with the sign of Im L on (0, x1]."""
+        power = (self.e * x1) ** self.order
+        K, slope = L1 / power, (S1 - self.order * L1 / x1) / power
+        k = np.array([self.K0, self.K0 + x1 * self.e * self.K1 / 3.0, K - x1 * slope / 3.0, K])
+        f = (self.e**self.order * k).imag
+        if self.order % 2 == 0:  # Im is odd in x: divide by x, then raise the degree to three again
+            d0, d1, d2 = 3.0 * f[1], 1.5 * f[2], f[3]
+            f = np.array([d0, (d0 + 2.0 * d1) / 3.0, (2.0 * d1 + d2) / 3.0, d2])
+        return k, f
+
+
+class Locus:
+    """L and its derivatives on the frequency axis 0 <= omega <= infinity, and the axis cut into intervals.
+
+    A point is (x, tail): omega = x, or omega = 1/x on the tail.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The loop, one input and output, at least one state.
+    fractions : PartialFractions, optional
+        The same loop in that form; without it, values come from the Schur form.
+    """
+
+    def __init__(self, model: StateSpaceModel, fractions: PartialFractions | None = None) -> None:
+        self.model = model
+        self.fractions = fractions
+        self.poles = fractions.all_poles if fractions is not None else np.diagonal(model.schur.T)
+        modulus = np.abs(self.poles)
+        self.top_pole = float(modulus.max())
+        self.at_origin = modulus <= _AXIS * self.top_pole
+        self.infinity = self._end_at_infinity()
+        self.zero: End | None = None
+        if not self.at_origin.any():
+            try:
+                self.zero = self._end_at_zero(np.asarray(np.linalg.inv(model.A), dtype=float))
+            except np.linalg.LinAlgError:  # singular: the eigenvalue at the origin came with round-off
+                self.at_origin[modulus.argmin()] = True
+
+    def first(self, x: FloatArray, tail: BoolArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """L, dL/dx, and the sum of the moduli of the terms of L (for its round-off), each shape (m,)."""
+        evaluate = self._schur if self.fractions is None else self._sum
+        L, slope, size, _ = evaluate(x, tail, False)
+        return L, slope, size
+
+    def second(self, x: FloatArray, tail: BoolArray) -> _Values:
+        """L, dL/dx, the sum of moduli and d2L/dx2, each shape (m,)."""
+        evaluate = self._schur if self.fractions is None else self._sum
+        return evaluate(x, tail, True)
+
+    def _sum(self, x: FloatArray, tail: BoolArray, twice: bool) -> _Values:
+        """From partial fractions, with R = 1 / (jp - q pole), omega = p/q."""
+        f = self.fractions
+        assert f is not None
+        some_tail = bool(tail.any())
+        p, q = (np.where(tail, 1.0, x), np.where(tail, x, 1.0)) if some_tail else (x, np.ones_like(x))
+        jp = (1j * p)[:, None]
+        R = 1.0 / (jp - (q[:, None] * f.poles if some_tail else f.poles))
+        terms = R * (q[:, None] * f.residues if some_tail else f.residues)
+        L, size = f.D + terms.sum(axis=1), abs(f.D) + np.abs(terms).sum(axis=1)
+        R_squared = R * R
+        slope = -1j * (R_squared @ f.residues)
+        curvature = slope
+        if twice:
+            R_cubed = R_squared * R
+            curvature = -2.0 * (R_cubed @ f.residues)
+            if some_tail:
+                curvature = np.where(tail, 2j * (R_cubed @ (f.poles * f.residues)), curvature)
+        if f.second != 0.0:
+            r = R[:, 0]
+            once = f.second * r * r
+            term = q * q * once
+            L, size = L + term, size + np.abs(term)
+            slope = slope - 2j * q * once * r
+            if twice:
+                change = -6.0 * once * r * r
+                if some_tail:
+                    change = np.where(tail, 2j * once * r * (1.0 + 3.0 * x * f.poles[0] * r), change)
+                curvature = curvature + change
+        return L, np.where(tail, -slope, slope) if some_tail else slope, size, curvature
+
+    def _schur(self, x: FloatArray, tail: BoolArray, twice: bool) -> _Values:
+        """From the Schur form: X = (jp - qT)^-1 b, Y = c (jp - qT)^-1, Z = (jp - qT)^-1 X, omega = p/q."""
+        form, D = self.model.schur, self.model.D
+        p, q = np.where(tail, 1.0, x), np.where(tail, x, 1.0)
+        X, Y, Z = self._substitute(p, q, twice)
+        terms = form.c * X * q[:, None]
+        slope = np.where(tail, 1j, -1j) * (X * Y).sum(axis=1)
+        curvature = slope
+        if twice:
+            # d2L/domega2 = -2 c R^3 b; d2L/dt2 = 2j c R^3 T b
+            curvature = -2.0 * (Y * Z).sum(axis=1)
+            if tail.any():
+                curvature = np.where(tail, 2j * (Y * (Z @ form.T.T)).sum(axis=1), curvature)
+        return D + terms.sum(axis=1), slope, abs(D) + np.abs(terms).sum(axis=1), curvature
+
+    def _substitute(self, p: FloatArray, q: FloatArray, twice: bool) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """X, Y and Z by substitution in T, all points at once: work n^2 a point."""
+        form, n = self.model.schur, self.model.n_states
+        T, c = form.T, form.c
+        pivot = 1.0 / (1j * p - q * np.diagonal(T)[:, None])
+
+        def back(right: ComplexArray) -> ComplexArray:
+            out = np.empty((n, p.size), dtype=complex)
+            for k in range(n - 1, -1, -1):
+                out[k] = (right[k] + q * (T[k, k + 1 :] @ out[k + 1 :])) * pivot[k]
+            return out
+
+        X = back(form.b[:, None])
+        Y = np.empty((n, p.size), dtype=complex)
+        for k in range(n):
+            Y[k] = (c[k] + q * (T[:k, k] @ Y[:k])) * pivot[k]
+        return X.T, Y.T, back(X).T if twice else X.T
+
+    def _end_at_zero(self, inverse: FloatArray) -> End | None:
+        """L = sum M_i s^i: M_0 = D - C A^-1 B, M_i = -C A^-(i+1) B."""
+        model = self.model
+        v, bound, size = model.B, np.abs(model.B), np.abs(inverse)
+        found: float | None = None
+        for i in range(model.n_states + 2):
+            v, bound = inverse @ v, size @ bound
+            direct = model.D if i == 0 else 0.0
+            moment = direct - float(model.C @ v)
+            if found is not None:
+                return End(1j, i - 1, found, moment)
+            if abs(moment) > _VANISHING * (abs(direct) + float(np.abs(model.C) @ bound)):
+                found = moment
+        return None
+
+    def _end_at_infinity(self) -> End | None:
+        """L = sum N_i s^-i: N_0 = D, N_i = C A^(i-1) B."""
+        model = self.model
+        v, bound, size = model.B, np.abs(model.B), np.abs(model.A)
+        if model.D != 0.0:
+            return End(-1j, 0, model.D, float(model.C @ v))
+        for i in range(1, model.n_states + 1):
+            moment, small = float(model.C @ v), _VANISHING * float(np.abs(model.C) @ bound)
+            v, bound = model.A @ v, size @ bound
+            if abs(moment) > small:
+                return End(-1j, i, moment, float(model.C @ v))
+        return None
+
+    def _origin_bounds(self) -> tuple[float, float]:
+        """Lowest and highest frequency of interest of a loop with poles at the origin, L ~ K / s^k there."""
+        k = int(self.at_origin.sum())
+        others = np.abs(self.poles[~self.at_origin])
+        low = 1e-6 * float(others.min()) if others.size else 1.0
+        gain = float(abs(self.model.response(low)))
+        crossover = low * gain ** (1.0 / k) if gain > 0.0 and math.isfinite(gain) else low
+        return min(low, 1e-3 * crossover), max(self.top_pole / _SPACING, 0.0 if others.size else 1e3 * crossover)
+
+    def _grid(self) -> tuple[FloatArray, FloatArray]:
+        """Frequencies [rad/s], and the modulus of each pole on the imaginary axis (where L is infinite)."""
+        start, top = 0.0, self.top_pole / _SPACING
+        poles = self.poles[~self.at_origin & (self.poles.imag >= 0.0)]  # a conjugate has the same grid
+        w0, modulus = np.abs(poles.imag), np.abs(poles)
+        sigma = np.maximum(np.abs(poles.real), _AXIS * modulus)
+        on_axis = w0[np.abs(poles.real) <= _AXIS * modulus]
+        if self.at_origin.any():
+            start, top = self._origin_bounds()
+            w0, sigma = np.append(w0, 0.0), np.append(sigma, start)
+        # Each pole's own grid, w0 + sigma sinh(k spacing), has a spacing proportional to the distance to that pole.
+        reach = math.asinh(top / float(sigma.min())) / _SPACING
+        k = np.arange(-math.ceil(reach), math.ceil(reach) + 1) * _SPACING
+        w = w0[:, None] + sigma[:, None] * np.sinh(k)
+        inside = (w > start) & (w < top)
+        owner = np.nonzero(inside)[0]
+        w = w[inside]
+        distance = np.hypot(w[:, None] - w0, sigma)
+        nearest = distance.min(axis=1)
+        keep = distance[np.arange(w.size), owner] <= 1.5 * nearest
+        w, nearest = w[keep], nearest[keep]
+        order = np.argsort(w)
+        w, nearest = w[order], nearest[order]
+        # Grids of neighbouring poles interleave: keep one point for each half of the wanted spacing.
+        step = np.cumsum(np.diff(w, prepend=start) / (_SPACING * nearest))
+        w = w[np.diff(np.floor(2.0 * step), prepend=0.0) > 0.0]
+        return np.concatenate(([start], w[w < 0.9 * top], [top])), on_axis
+
+    def intervals(self) -> Intervals:
+        """The whole axis, 0 to infinity, without the pieces that hold a pole on the axis."""
+        w, on_axis = self._grid()
+        if on_axis.size:
+            w = w[np.abs(w[:, None] - on_axis).min(axis=1) > 0.0]
+        if self.zero is not None:
+            w = np.concatenate(([0.0], _NEAR_END * w[1], w[1:]))
+        t = np.concatenate(([0.0], _NEAR_END, [1.0])) / w[-1]
+        x = np.concatenate((w, t))
+        tail = np.arange(x.size) >= w.size
+        with np.errstate(all="ignore"):
+            L, S, _ = self.first(x, tail)
+        if self.zero is not None:
+            L[0], S[0] = self.zero.start()
+        L[w.size], S[w.size] = self.infinity.start() if self.infinity is not None else (0j, 0j)
+        start = np.delete(np.arange(x.size - 1), w.size - 1)  # no interval from the last omega to the first t
+        stop = start + 1
+        x0, x1, tail = x[start], x[stop], tail[start]
+        L0, S0, L1, S1 = L[start], S[start], L[stop], S[stop]
+        from_end = x0 == 0.0
+        size = np.maximum(np.abs(L0), np.abs(L1)) + (x1 - x0) * np.maximum(np.abs(S0), np.abs(S1)) / 3.0
+        yes = np.ones(x0.size, dtype=bool)
+        intervals = Intervals(
+            x0, x1, tail, L0, S0, L1, S1, FIRST_ERROR * size, from_end, np.full(x0.size, np.nan), yes, yes.copy()
+        )
+        keep = np.isfinite(L0) & np.isfinite(L1) & np.isfinite(S0) & np.isfinite(S1)
+        for pole in on_axis:
+            keep &= tail | (x1 < pole) | (x0 > pole)
+        return intervals if keep.all() else intervals.take(keep)
+
+    def end_of(self, tail: bool) -> End | None:
+        """What is known of L at the end x = 0 of the axis or of the tail."""
+        return self.infinity if tail else self.zero
+
+    def split(self, v: Intervals) -> Intervals:
+        """Both halves of every interval, with the interpolation error measured at the middle."""
+        x = 0.5 * (v.x0 + v.x1)
+        L, S, size = self.first(x, v.tail)
+        P = v.P
+        error = np.abs(L - (P[:, 0] + 3.0 * P[:, 1] + 3.0 * P[:, 2] + P[:, 3]) / 8.0)
+        child_error = 0.25 * error + _EPS * size
+        error_K = np.full(x.size, np.nan)
+        for i in np.nonzero(v.from_end)[0]:
+            end = self.end_of(bool(v.tail[i]))
+            if end is None:
+                continue
+            K, _ = end.axis_coefficients(float(v.x1[i]), complex(v.L1[i]), complex(v.S1[i]))
+            power = (end.e * x[i]) ** end.order
+            mismatch = abs(L[i] / power - (K[0] + 3.0 * K[1] + 3.0 * K[2] + K[3]) / 8.0)
+            error_K[i] = 0.25 * mismatch + _EPS * size[i] / abs(power)
+
+        def two(first: npt.NDArray, second: npt.NDArray) -> npt.NDArray:  # type: ignore[type-arg]
+            return np.concatenate((first, second))
+
+        no = np.zeros(x.size, dtype=bool)
+        return Intervals(
+            two(v.x0, x),
+            two(x, v.x1),
+            two(v.tail, v.tail),
+            two(v.L0, L),
+            two(v.S0, S),
+            two(L, v.L1),
+            two(S, v.S1),
+            two(child_error, child_error),
+            two(v.from_end, no),
+            two(error_K, error_K),
+            two(v.check_axis, v.check_axis),
+            two(v.check_circle, v.check_circle),
+        )

@@ -1,0 +1,240 @@
+"""Stability margins of a loop: every crossing, then gain, phase, modulus, delay and disk margin.
+
+Conventions (docs/theory/margins.md). The loop is closed with negative feedback; the critical point is -1. Stability
+comes from the closed-loop eigenvalues and from nowhere else. Gain and phase margin take the sign of stability.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pilotgen.errors import PilotgenError
+from pilotgen.linear.statespace import ComplexArray, StateSpaceModel
+from pilotgen.loop.crossings import LocusFeatures, Points, locus_features
+from pilotgen.loop.loop import LoopModel
+
+GAIN_MARGIN_CAP_DB = 60.0
+PHASE_MARGIN_CAP_DEG = 180.0
+
+_TWO_PI = 2.0 * math.pi
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One crossing of the locus L(j omega).
+
+    Parameters
+    ----------
+    kind : str
+        "real axis" (L real and negative) or "unit circle" (|L| = 1).
+    frequency_hz : float
+        0 and infinity included.
+    value : complex
+        L there.
+    """
+
+    kind: str
+    frequency_hz: float
+    value: complex
+
+    @property
+    def gain_db(self) -> float:
+        """-20 log10 |L|: the change of loop gain [dB] that brings this point to |L| = 1."""
+        return -20.0 * math.log10(abs(self.value))
+
+    @property
+    def phase_deg(self) -> float:
+        """Angle of -L [deg], in (-180, 180]: the lag (if positive) that brings this point to the negative axis."""
+        return math.degrees(math.atan2(-self.value.imag, -self.value.real))
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of one loop; `math.inf` where nothing limits, frequencies None where there is no such point.
+
+    Parameters
+    ----------
+    stable : bool
+        All closed-loop eigenvalues lie in the open left half plane.
+    gain_margin_db, gain_margin_hz : float, float or None
+        Smallest |20 log10 |L|| over the real-axis crossings; negative if not stable.
+    phase_margin_deg, phase_margin_hz : float, float or None
+        Smallest |angle(-L)| over the unit-circle crossings; negative if not stable.
+    modulus_margin, modulus_margin_hz : float, float
+        min |1 + L|, a distance: never negative, and meaningful as a margin only if stable.
+    delay_margin_s : float
+        Smallest delay in the loop that makes it unstable; 0 if it is not stable already.
+    disk_margin, disk_margin_hz : float, float or None
+        Balanced disk margin alpha = min 2 |1 + L| / |1 - L|; 0 if not stable.
+    crossings : tuple of Crossing
+        All of them, by rising frequency.
+    """
+
+    stable: bool
+    gain_margin_db: float
+    gain_margin_hz: float | None
+    phase_margin_deg: float
+    phase_margin_hz: float | None
+    modulus_margin: float
+    modulus_margin_hz: float
+    delay_margin_s: float
+    disk_margin: float
+    disk_margin_hz: float
+    crossings: tuple[Crossing, ...]
+
+    @property
+    def disk_gain_margin_db(self) -> float:
+        """Gain change, up or down [dB], that the disk margin guarantees together with any phase in the disk."""
+        if self.disk_margin >= 2.0:
+            return math.inf
+        return 20.0 * math.log10((2.0 + self.disk_margin) / (2.0 - self.disk_margin))
+
+    @property
+    def disk_phase_margin_deg(self) -> float:
+        """Phase change, lead or lag [deg], that the disk margin guarantees."""
+        return math.degrees(2.0 * math.atan(0.5 * self.disk_margin))
+
+    def objectives(self) -> tuple[float, float]:
+        """Gain margin [dB] and phase margin [deg] capped to +-60 dB and +-180 deg, for ranking (smaller is worse)."""
+        gain = max(-GAIN_MARGIN_CAP_DB, min(GAIN_MARGIN_CAP_DB, self.gain_margin_db))
+        phase = max(-PHASE_MARGIN_CAP_DEG, min(PHASE_MARGIN_CAP_DEG, self.phase_margin_deg))
+        return gain, phase
+
+    @property
+    def objective_sum(self) -> float:
+        """The paper's scalar J = gain margin [dB] + phase margin [deg], capped."""
+        return sum(self.objectives())
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-ready values; None where a margin or frequency is infinite or absent."""
+        return {
+            "stable": self.stable,
+            "gain_margin_db": _json(self.gain_margin_db),
+            "gain_margin_hz": _json(self.gain_margin_hz),
+            "phase_margin_deg": _json(self.phase_margin_deg),
+            "phase_margin_hz": _json(self.phase_margin_hz),
+            "modulus_margin": _json(self.modulus_margin),
+            "modulus_margin_hz": _json(self.modulus_margin_hz),
+            "delay_margin_s": _json(self.delay_margin_s),
+            "disk_margin": _json(self.disk_margin),
+            "disk_margin_hz": _json(self.disk_margin_hz),
+            "crossings": [
+                {
+                    "kind": crossing.kind,
+                    "frequency_hz": _json(crossing.frequency_hz),
+                    "real": crossing.value.real,
+                    "imag": crossing.value.imag,
+                }
+                for crossing in self.crossings
+            ],
+        }
+
+
+def margins(loop: LoopModel | StateSpaceModel) -> Margins:
+    """All margins of a loop closed with unity negative feedback.
+
+    Parameters
+    ----------
+    loop : LoopModel or StateSpaceModel
+        L(s), proper; a LoopModel stands for its `open_loop`.
+
+    Raises
+    ------
+    PilotgenError
+        The loop's eigenvalues cannot be computed.
+    """
+    model = loop.open_loop if isinstance(loop, LoopModel) else loop
+    stable = is_stable(model)
+    if model.n_states == 0 or not model.B.any() or not model.C.any():
+        features = _constant(model.D)
+    else:
+        features = locus_features(model, loop.partial_fractions if isinstance(loop, LoopModel) else None)
+    sign = 1.0 if stable else -1.0
+
+    axis, circle = features.real_axis, features.unit_circle
+    gain, gain_hz = math.inf, None
+    if axis.L.size:
+        decibels = np.abs(20.0 * np.log10(np.abs(axis.L)))
+        i = int(decibels.argmin())
+        gain, gain_hz = float(decibels[i]), float(axis.omega[i]) / _TWO_PI
+    phase, phase_hz = math.inf, None
+    if circle.L.size:
+        degrees = np.degrees(np.abs(np.angle(-circle.L)))
+        i = int(degrees.argmin())
+        phase, phase_hz = float(degrees[i]), float(circle.omega[i]) / _TWO_PI
+    nearest, disk = features.nearest, features.disk
+    alpha = float(np.abs(1.0 + disk.L[0]) * 2.0) / float(np.abs(1.0 - disk.L[0]) or _EPS)
+    return Margins(
+        stable=stable,
+        gain_margin_db=sign * gain,
+        gain_margin_hz=gain_hz,
+        phase_margin_deg=sign * phase,
+        phase_margin_hz=phase_hz,
+        modulus_margin=float(np.abs(1.0 + nearest.L[0])),
+        modulus_margin_hz=float(nearest.omega[0]) / _TWO_PI,
+        delay_margin_s=_delay_margin(model.D, circle) if stable else 0.0,
+        disk_margin=alpha if stable else 0.0,
+        disk_margin_hz=float(disk.omega[0]) / _TWO_PI,
+        crossings=_crossings(axis, circle),
+    )
+
+
+def closed_loop_poles(model: StateSpaceModel) -> ComplexArray | None:
+    """Eigenvalues [rad/s] of the closed loop, or None if 1 + L(infinity) = 0 (ill-posed)."""
+    if model.D == -1.0:
+        return None
+    return np.asarray(np.linalg.eigvals(model.A - model.B[:, None] * (model.C / (1.0 + model.D))), dtype=complex)
+
+
+def is_stable(model: StateSpaceModel) -> bool:
+    """Whether the loop closed with unity negative feedback is stable, from its eigenvalues.
+
+    An eigenvalue on the imaginary axis to within round-off is not stable; neither is an ill-posed loop.
+    """
+    try:
+        poles = closed_loop_poles(model)
+    except np.linalg.LinAlgError as error:
+        raise PilotgenError(f"the closed loop's eigenvalues cannot be computed: {error}") from error
+    if poles is None:
+        return False
+    if poles.size == 0:
+        return True
+    return float(poles.real.max()) < -poles.size * _EPS * float(np.abs(poles).max())
+
+
+def _delay_margin(D: float, circle: Points) -> float:
+    """Smallest delay [s] that turns a unit-circle crossing into -1: omega tau = angle(-L) modulo 2 pi."""
+    if abs(D) >= 1.0:
+        return 0.0  # the gain does not fall below 1: any delay destabilises at a high enough frequency
+    delay = math.inf
+    for omega, L in zip(circle.omega.tolist(), circle.L.tolist(), strict=True):
+        if omega > 0.0:
+            delay = min(delay, (math.atan2(-L.imag, -L.real) % _TWO_PI) / omega)
+    return delay
+
+
+def _constant(D: float) -> LocusFeatures:
+    """A loop without dynamics: one point, at every frequency; named by omega = 0."""
+    point = Points(np.zeros(1), np.array([D], dtype=complex))
+    none = Points(np.zeros(0), np.zeros(0, dtype=complex))
+    return LocusFeatures(point if D < 0.0 else none, point if abs(D) == 1.0 else none, point, point)
+
+
+def _crossings(axis: Points, circle: Points) -> tuple[Crossing, ...]:
+    found = [
+        Crossing(kind, omega / _TWO_PI, L)
+        for kind, points in (("real axis", axis), ("unit circle", circle))
+        for omega, L in zip(points.omega.tolist(), points.L.tolist(), strict=True)
+    ]
+    return tuple(sorted(found, key=lambda crossing: crossing.frequency_hz))
+
+
+def _json(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
