@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+
 from pilotgen.bench import machine, runs, stages
 from pilotgen.bench.__main__ import main
-
 from pilotgen.evaluation import EvaluationContext, evaluate
 from pilotgen.study.study import read_study
 
