@@ -9,11 +9,13 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <new>
 #include <stdexcept>
 
 #include "mbdae/dae/analyses.h"
 #include "mbdae/dae/linear_algebra.h"
+#include "mbdae/elements/table.h"
 #include "mbdae/output/hdf5_file.h"
 #include "mbdae/output/matrices_file.h"
 #include "mbdae/output/motion_file.h"
@@ -77,24 +79,19 @@ void check_output_directory(const std::string& path) {
 }
 
 std::vector<std::pair<std::string, long>> count_deck(const Deck& deck) {
-  long muscles = 0, rods = 0, deformable = 0;
-  for (const JointData& joint : deck.joints) {
-    if (const RodData* rod = std::get_if<RodData>(&joint.kind)) {
-      ++(std::holds_alternative<MuscleLaw>(rod->law) ? muscles : rods);
-    } else if (std::holds_alternative<DeformableHingeData>(joint.kind) ||
-               std::holds_alternative<DeformableJointData>(joint.kind)) {
-      ++deformable;
+  std::map<std::string, long> elements;
+  for (const std::vector<ElementData>* list : {&deck.joints, &deck.forces}) {
+    for (const ElementData& element : *list) {
+      ++elements[element.type->counts != nullptr ? element.type->counts(element.data) : element.type->counts_as];
     }
   }
-  const long joints = static_cast<long>(deck.joints.size()) - muscles - rods - deformable;
-  return {{"nodes", static_cast<long>(deck.nodes.size())},
-          {"dummy_nodes", static_cast<long>(deck.dummy_nodes.size())},
-          {"bodies", static_cast<long>(deck.bodies.size())},
-          {"joints", joints},
-          {"deformable", deformable},
-          {"rods", rods},
-          {"muscles", muscles},
-          {"forces", static_cast<long>(deck.forces.size())}};
+  std::vector<std::pair<std::string, long>> counts = {{"nodes", static_cast<long>(deck.nodes.size())},
+                                                      {"dummy_nodes", static_cast<long>(deck.dummy_nodes.size())},
+                                                      {"bodies", static_cast<long>(deck.bodies.size())}};
+  for (const char* kind : {"joints", "deformable", "rods", "muscles", "forces"}) {
+    counts.emplace_back(kind, elements[kind]);
+  }
+  return counts;
 }
 
 Task task_of_deck(const Deck& deck) {

@@ -9,6 +9,13 @@
 #include <string>
 
 #include "mbdae/deck/deck.h"
+#include "mbdae/elements/deformable_hinge.h"
+#include "mbdae/elements/deformable_joint.h"
+#include "mbdae/elements/force.h"
+#include "mbdae/elements/hinge.h"
+#include "mbdae/elements/rod.h"
+#include "mbdae/elements/table.h"
+#include "mbdae/elements/total.h"
 #include "mbdae/model/rotation.h"
 
 namespace mbdae::test {
@@ -73,10 +80,15 @@ inline void add_body(Deck& deck, NodeIndex node, double m, const Vec3& d, const 
   deck.bodies.push_back(body);
 }
 
-template <class Kind>
-void add_joint(Deck& deck, const Kind& kind) {
+template <class Data>
+void add_joint(Deck& deck, const Data& data) {
   const auto label = static_cast<std::uint32_t>(101 + deck.joints.size());
-  deck.joints.push_back({identity(label, "joint_" + std::to_string(label)), kind});
+  deck.joints.push_back({identity(label, "joint_" + std::to_string(label)), element_type<Data>(), data});
+}
+
+inline void add_force(Deck& deck, const ForceData& force) {
+  const auto label = static_cast<std::uint32_t>(201 + deck.forces.size());
+  deck.forces.push_back({identity(label, "force_" + std::to_string(label)), element_type<ForceData>(), force});
 }
 
 inline void add_gravity(Deck& deck, const Vec3& acceleration) { deck.gravity = vector_drive<3>(acceleration); }

@@ -23,7 +23,9 @@
 #include <string>
 #include <vector>
 
-#include "mbdae/deck/reader.h"
+#include "mbdae/elements/force.h"
+#include "mbdae/elements/table.h"
+#include "mbdae/elements/total.h"
 
 namespace {
 
@@ -185,10 +187,9 @@ double use(const mbdae::Deck& deck) {
   for (const double t : {-1.0, 0.0, 0.5, 1e300}) {
     for (int derivative = 0; derivative < 3; ++derivative) {
       if (deck.gravity) take(deck.gravity->at(t, derivative));
-      for (const auto& force : deck.forces) take(force.value.at(t, derivative));
+      for (const auto& force : deck.forces) take(force.as<mbdae::ForceData>().value.at(t, derivative));
       for (const auto& joint : deck.joints) {
-        if (const auto* total = std::get_if<mbdae::TotalJointData>(&joint.kind))
-          take(total->position_drive.at(t, derivative));
+        if (const auto* total = joint.get_if<mbdae::TotalJointData>()) take(total->position_drive.at(t, derivative));
       }
     }
   }

@@ -103,9 +103,9 @@ TEST_CASE("inputs are derivatives of the residual") {
   const auto residual = [&](std::size_t input, double h) {
     Deck changed = deck;
     if (input == 0) {
-      std::get<MuscleLaw>(std::get<RodData>(changed.joints[2].kind).law).activation = constant(0.2 + h);
+      std::get<MuscleLaw>(changed.joints[2].as<RodData>().law).activation = constant(0.2 + h);
     } else {
-      auto& moved = std::get<TotalPinData>(changed.joints[1].kind);
+      auto& moved = changed.joints[1].as<TotalPinData>();
       const Vec3 direction = h * Vec3::Unit((static_cast<int>(input) - 1) % 3);
       (input <= 3 ? moved.position_drive : moved.rotation_drive) = vector_drive<3>(direction);
     }

@@ -115,8 +115,8 @@ TEST_CASE("names come from constants, labels live in their own spaces") {
   CHECK(read.joints[1].id.name == "joint 8");
   CHECK(read.forces[0].id.name == "force 8");
   CHECK(read.forces[1].id.name == "couple 9");
-  CHECK(read.forces[1].couple);
-  CHECK(read.forces[1].frame == mbdae::ForceFrame::follower);
+  CHECK(read.forces[1].as<mbdae::ForceData>().couple);
+  CHECK(read.forces[1].as<mbdae::ForceData>().frame == mbdae::ForceFrame::follower);
 }
 
 TEST_CASE("nodes with their options, dummy nodes") {
@@ -147,11 +147,11 @@ TEST_CASE("forces have arms in the node") {
   const mbdae::Deck deck = with_elements(
       "force: 1, absolute, 2, position, reference, global, 1., 2., 4., 0., 0., 1., const, 3.;\n"
       "force: 2, follower, 2, position, 0.1, 0., 0., single, 0., 1., 0., time;\n");
-  CHECK(deck.forces[0].arm == Vec3(0, 0, 1));
-  CHECK(deck.forces[0].node == 1);
-  CHECK(deck.forces[0].value.at(0.0) == Vec3(0, 0, 3));
-  CHECK(deck.forces[1].frame == mbdae::ForceFrame::follower);
-  CHECK(deck.forces[1].value.at(2.0) == Vec3(0, 2, 0));
+  CHECK(deck.forces[0].as<mbdae::ForceData>().arm == Vec3(0, 0, 1));
+  CHECK(deck.forces[0].as<mbdae::ForceData>().node == 1);
+  CHECK(deck.forces[0].as<mbdae::ForceData>().value.at(0.0) == Vec3(0, 0, 3));
+  CHECK(deck.forces[1].as<mbdae::ForceData>().frame == mbdae::ForceFrame::follower);
+  CHECK(deck.forces[1].as<mbdae::ForceData>().value.at(2.0) == Vec3(0, 2, 0));
 }
 
 TEST_CASE("clamp") {

@@ -66,15 +66,15 @@ TEST_CASE("the arm is the arm") {
   CHECK(deck.joints[8].id.name == "joint 201");
   // Every rod has the length it says, its ends being where the nodes put them.
   int rods = 0;
-  for (const mbdae::JointData& joint : deck.joints) {
-    const auto* rod = std::get_if<mbdae::RodData>(&joint.kind);
+  for (const mbdae::ElementData& joint : deck.joints) {
+    const auto* rod = joint.get_if<mbdae::RodData>();
     if (rod == nullptr) continue;
     const auto end = [&](std::size_t node, const Vec3& f) { return Vec3(deck.nodes[node].x + deck.nodes[node].R * f); };
     CHECK((end(rod->node2, rod->f2) - end(rod->node1, rod->f1)).norm() == Approx(rod->L0).epsilon(1e-12));
     ++rods;
   }
   CHECK(rods == 25);
-  const auto& grip = std::get<mbdae::TotalJointData>(deck.joints[7].kind);
+  const auto& grip = deck.joints[7].as<mbdae::TotalJointData>();
   const mbdae::Mat3 difference = deck.nodes[grip.node1].R * grip.R1hr - deck.nodes[grip.node2].R * grip.R2hr;
   CHECK(difference.cwiseAbs().maxCoeff() < 1e-14);
   CHECK(deck.gravity->at(0.0) == Vec3(0, -9.81, 0));
@@ -83,7 +83,7 @@ TEST_CASE("the arm is the arm") {
 
 TEST_CASE("the pins of the total joint case hold") {
   const mbdae::Deck deck = *mbdae::read_deck_file(TEST_DATA_DIR "/mbdyn_cases/c07_total.mbd").deck;
-  const auto& joint = std::get<mbdae::TotalJointData>(deck.joints[1].kind);
+  const auto& joint = deck.joints[1].as<mbdae::TotalJointData>();
   const auto& n1 = deck.nodes[joint.node1];
   const auto& n2 = deck.nodes[joint.node2];
   const Vec3 relative = (n1.R * joint.R1h).transpose() * (n2.x + n2.R * joint.f2 - n1.x - n1.R * joint.f1);

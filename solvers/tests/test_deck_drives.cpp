@@ -17,8 +17,8 @@ DrivePtr drive(const std::string& text, const std::string& globals = "") {
   deck.globals = globals;
   deck.elements = "couple: 1, absolute, 1, 1., 0., 0., " + text + ";\n";
   const mbdae::Deck read = deck_test::read_good(deck);
-  REQUIRE(read.forces[0].value.terms.size() == 1);
-  return read.forces[0].value.terms[0].drive;
+  REQUIRE(read.forces[0].as<mbdae::ForceData>().value.terms.size() == 1);
+  return read.forces[0].as<mbdae::ForceData>().value.terms[0].drive;
 }
 
 /// Rate and second derivative against central differences of the value (4th order).
@@ -159,7 +159,7 @@ TEST_CASE("vector drives") {
     deck.nodes = "structural: 1, dynamic, null, euler, degrees, 0., 0., 90., null, null;\n";
     deck.globals = "reference: 5, null, euler, degrees, 90., 0., 0., null, null;\n";
     deck.elements = "force: 1, " + frame + ", 1, position, null, " + text + ";\n";
-    return deck_test::read_good(deck).forces[0].value;
+    return deck_test::read_good(deck).forces[0].as<mbdae::ForceData>().value;
   };
   CHECK(force("null").at(1.0) == Vec3::Zero());
   CHECK(force("1., 2., 3., time").at(2.0) == Vec3(2, 4, 6));

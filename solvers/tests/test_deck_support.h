@@ -10,7 +10,13 @@
 #include <string>
 #include <utility>
 
-#include "mbdae/deck/reader.h"
+#include "mbdae/elements/deformable_hinge.h"
+#include "mbdae/elements/deformable_joint.h"
+#include "mbdae/elements/force.h"
+#include "mbdae/elements/hinge.h"
+#include "mbdae/elements/rod.h"
+#include "mbdae/elements/table.h"
+#include "mbdae/elements/total.h"
 
 namespace deck_test {
 
@@ -78,7 +84,8 @@ inline mbdae::Deck with_nodes(const std::string& nodes, const std::string& globa
 template <class Joint>
 Joint only_joint(const mbdae::Deck& deck) {
   REQUIRE(deck.joints.size() == 1);
-  return std::get<Joint>(deck.joints.front().kind);
+  REQUIRE(deck.joints.front().get_if<Joint>() != nullptr);
+  return deck.joints.front().as<Joint>();
 }
 
 /// What is said about a deck that is wrong.

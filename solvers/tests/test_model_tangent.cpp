@@ -172,7 +172,7 @@ TEST_CASE("forces and couples") {
       force.node = couple ? 0 : 1;
       force.arm = ugly.vector();
       force.value = vector_drive<3>(ugly.vector(5.0), sine(1.0, 0.5, 2.0));
-      deck.forces.push_back(force);
+      add_force(deck, force);
     }
   }
   check_tangents(deck, 3);

@@ -35,10 +35,9 @@ void check_constraints(const Model& model, const State& state) {
   model.add_constraints(state, eq, false);
   ConstraintRates rates;
   model.rates(state, rates, false);
-  for (const RodEntry& entry : model.rods()) {
-    if (entry.rod->collapsed(state)) {
-      throw ModelError("the ends of rod " + joint_title(*entry.data) +
-                       " coincide: its direction is undefined; move one of its points");
+  for (const LoadEntry& entry : model.loads()) {
+    if (const std::string defect = entry.element->defect(state); !defect.empty()) {
+      throw ModelError(joint_title(*entry.data) + " " + defect);
     }
   }
 

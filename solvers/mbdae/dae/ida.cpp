@@ -355,11 +355,8 @@ Eigen::Map<Eigen::VectorXd> view(const VectorPtr& vector, int size) { return {N_
 Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& accelerations,
                      const InitialValueData& settings, const IntegrateOptions& options) {
   for (const ConstraintEntry& entry : model.constraints()) {
-    const auto* total = dynamic_cast<const TotalConstraint*>(entry.constraint.get());
-    if (total != nullptr && total->active_rotations() == 1) {
-      throw ModelError("joint " + joint_title(*entry.data) +
-                       " imposes a single rotation component, which is no constraint on the position alone; integrate "
-                       "it with `ms`, or use a cardano hinge");
+    if (const std::string why = entry.constraint->no_variable_step(); !why.empty()) {
+      throw ModelError("joint " + joint_title(*entry.data) + " " + why);
     }
   }
   IdaIntegrator equations(model, state);

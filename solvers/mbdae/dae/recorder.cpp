@@ -31,8 +31,7 @@ std::vector<InputInfo> all_channels(const Model& model) {
   for (int k = model.reaction_start(); k < model.size(); ++k) {
     out.push_back({model.unknown_name(k), model.unknown_unit(k)});
   }
-  for (const RodEntry& entry : model.rods()) {
-    if (!entry.rod->is_muscle()) continue;
+  for (const MuscleEntry& entry : model.muscles()) {
     const std::string name = "muscle[" + entry.data->id.name + "]";
     out.push_back({name + ".length", "m"});
     out.push_back({name + ".force", "N"});
@@ -71,10 +70,9 @@ void MotionRecorder::record(const State& state) {
     push(node.w);
   }
   for (int k = model_.reaction_start(); k < model_.size(); ++k) row_.push_back(state.y(k));
-  for (const RodEntry& entry : model_.rods()) {
-    if (!entry.rod->is_muscle()) continue;
-    const MuscleValue value = entry.rod->muscle(state);
-    row_.push_back(entry.rod->length(state));
+  for (const MuscleEntry& entry : model_.muscles()) {
+    const MuscleValue value = entry.muscle->value(state);
+    row_.push_back(entry.muscle->length(state));
     row_.push_back(value.force);
     row_.push_back(value.activation);
   }

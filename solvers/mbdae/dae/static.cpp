@@ -4,7 +4,7 @@
 
 #include "mbdae/dae/analyses.h"
 #include "mbdae/dae/consistency.h"
-#include "mbdae/dae/describe.h"
+#include "mbdae/dae/linearise_at_state.h"
 #include "mbdae/dae/static_solver.h"
 
 namespace mbdae {
@@ -61,7 +61,7 @@ LinearisedModel solve_static(const Deck& deck, const StaticOptions& options) {
   }
 
   State state = solver.state();
-  LinearisedModel out = describe(model, state, deck_coefficient(deck), "static");
+  LinearisedModel out = linearise_at_state(model, state, deck_coefficient(deck), "static");
   out.iterations = solver.iterations();
   return out;
 }

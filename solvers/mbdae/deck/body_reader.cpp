@@ -1,4 +1,4 @@
-// Bodies, gravity, forces and couples.
+// Bodies and gravity.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include <Eigen/Eigenvalues>
@@ -131,43 +131,6 @@ void read_gravity(Context& context) {
   if (input.more()) skip_output(input);
   input.end_card();
   context.deck.gravity = std::move(field);
-}
-
-void read_force(Context& context, bool couple) {
-  static constexpr const char* kFrames[] = {"absolute", "follower"};
-  static constexpr const char* kOthers[] = {"absolute internal", "follower internal",   "total",
-                                            "total internal",    "external structural", "modal",
-                                            "abstract",          "abstract internal"};
-  Input& input = context.input;
-  ++context.force_count.found;
-  const Label label = input.label(couple ? "a couple label" : "a force label");
-  context.forces.announce(input, label);
-  ForceData force;
-  force.id = identity(label, couple ? "couple" : "force");
-  force.couple = couple;
-  input.need([&] { return "a force type: " + joined(kFrames); });
-  if (const auto words = input.peek_words()) {
-    for (const char* other : kOthers) {
-      if (words->is(other)) input.fail(words->where, std::string("not supported: the force type `") + other + "`");
-    }
-  }
-  force.frame = input.keyword(kFrames, "force type") == 0 ? ForceFrame::absolute : ForceFrame::follower;
-  force.node = context.node();
-  const Frame frame = context.frame(force.node);
-  Place place;
-  place.node = &frame;
-  if (couple) {
-    if (input.more() && input.take("position")) force.arm = read_position(context, place);
-  } else {
-    input.require("position");
-    force.arm = read_position(context, place);
-  }
-  const Place global;
-  force.value = read_vector_drive(context, force.frame == ForceFrame::follower ? &place : &global);
-  if (input.more()) skip_output(input);
-  input.end_card();
-  context.deck.forces.push_back(std::move(force));
-  context.forces.define(label, {});
 }
 
 }  // namespace mbdae::reading

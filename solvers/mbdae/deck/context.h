@@ -79,9 +79,10 @@ struct Count {
 struct Nothing {};
 
 struct Context {
-  explicit Context(Diagnostics& diagnostics) : input(diagnostics) {}
+  Context(Diagnostics& diagnostics, ElementTable table) : input(diagnostics), elements(table) {}
 
   Input input;
+  ElementTable elements;
   Deck deck;
 
   Registry<NodeIndex> nodes{"node"};

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include <any>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -20,7 +21,8 @@
 #include <variant>
 #include <vector>
 
-#include "mbdae/model/drive.h"
+#include "mbdae/deck/element_type.h"
+#include "mbdae/drive/drive.h"
 
 namespace mbdae {
 
@@ -128,115 +130,31 @@ using Law1 = std::variant<LinearLaw<1>, CubicLaw<1>, MuscleLaw>;
 using Law3 = std::variant<LinearLaw<3>, CubicLaw<3>>;
 using Law6 = std::variant<LinearLaw<6>>;
 
-// ---- joints ------------------------------------------------------------------------------------------------------
+// ---- elements ----------------------------------------------------------------------------------------------------
 
-struct ClampData {
-  NodeIndex node;
-  Vec3 X;                                ///< clamped position, global [m]
-  Mat3 R;                                ///< clamped orientation
-  std::optional<Vec6> initial_reaction;  ///< F, M global [N, N m]
-};
-
-struct SphericalHingeData {
-  NodeIndex node1, node2;
-  Vec3 d1, d2;  ///< hinge point in node 1, 2
-};
-
-struct SphericalPinData {
-  NodeIndex node;
-  Vec3 d;   ///< in the node
-  Vec3 X0;  ///< global
-};
-
-struct RevoluteHingeData {
-  NodeIndex node1, node2;
-  Vec3 d1, d2;
-  Mat3 R1h, R2h;  ///< hinge frames in node 1, 2; free axis = 3
-  std::optional<double> initial_theta;
-  std::optional<Eigen::Matrix<double, 5, 1>> initial_reaction;  ///< F global, M1, M2 local
-};
-
-struct RevolutePinData {
-  NodeIndex node;
-  Vec3 d;
-  Mat3 Rh;
-  Vec3 X0;
-  Mat3 R0;  ///< global
-  std::optional<double> initial_theta;
-};
-
-struct CardanoHingeData {
-  NodeIndex node1, node2;
-  Vec3 d1, d2;
-  Mat3 R1h, R2h;  ///< axis 3 of R1h stays orthogonal to axis 2 of R2h
-};
-
-struct CardanoPinData {
-  NodeIndex node;
-  Vec3 d;
-  Mat3 Rh;
-  Vec3 X0;
-  Mat3 R0;
-};
-
-/// A point of node 2 moves along axis 3 of Rv, through p in node 1.
-struct InLineData {
-  NodeIndex node1, node2;
-  Vec3 p;
-  Mat3 Rv;
-  Vec3 q;  ///< offset in node 2
-};
-
-enum class TotalComponent { inactive, position, velocity };  // "position" = rotation for the orientation group
-
-struct TotalJointData {
-  NodeIndex node1, node2;
-  Vec3 f1, f2;
-  Mat3 R1h, R1hr, R2h, R2hr;  ///< position and rotation orientations in node 1, 2
-  std::array<TotalComponent, 3> position{}, rotation{};
-  VectorDrive<3> position_drive, rotation_drive;  ///< imposed relative position [m], rotation vector [rad] (or rates)
-};
-
-struct TotalPinData {
-  NodeIndex node;
-  Vec3 fn;         ///< in the node
-  Mat3 Rnh, Rnhr;  ///< in the node
-  Vec3 Xc;         ///< global
-  Mat3 Rch, Rchr;  ///< global
-  std::array<TotalComponent, 3> position{}, rotation{};
-  VectorDrive<3> position_drive, rotation_drive;
-};
-
-struct RodData {
-  NodeIndex node1, node2;
-  Vec3 f1 = Vec3::Zero(), f2 = Vec3::Zero();
-  double L0 = 0.0;  ///< reference length [m]; `from nodes` is resolved by the reader
-  Law1 law;
-};
-
-struct DeformableHingeData {
-  NodeIndex node1, node2;
-  Mat3 R1h, R2h;
-  Law3 law;
-};
-
-struct DeformableJointData {
-  NodeIndex node1, node2;
-  Vec3 f1, f2;
-  Mat3 R1h, R2h;
-  Law6 law;
-};
-
-using JointKind = std::variant<ClampData, SphericalHingeData, SphericalPinData, RevoluteHingeData, RevolutePinData,
-                               CardanoHingeData, CardanoPinData, InLineData, TotalJointData, TotalPinData, RodData,
-                               DeformableHingeData, DeformableJointData>;
-
-struct JointData {
+/// An element: what its card says, as the reader of its type (elements/) has it.
+struct ElementData {
   Identity id;
-  JointKind kind;
+  const ElementType* type = nullptr;  ///< row of the table of elements
+  std::any data;                      ///< ClampData, RodData, ...
+
+  /// The data, whose type must be the row's.
+  template <class Data>
+  const Data& as() const {
+    return *std::any_cast<Data>(&data);
+  }
+  template <class Data>
+  Data& as() {
+    return *std::any_cast<Data>(&data);
+  }
+  /// The data if they are of this type, else null.
+  template <class Data>
+  const Data* get_if() const {
+    return std::any_cast<Data>(&data);
+  }
 };
 
-// ---- bodies, forces, gravity -------------------------------------------------------------------------------------
+// ---- bodies ------------------------------------------------------------------------------------------------------
 
 struct BodyData {
   Identity id;
@@ -244,17 +162,6 @@ struct BodyData {
   double m = 0.0;            ///< [kg]
   Vec3 d = Vec3::Zero();     ///< centre of mass in the node frame [m]
   Mat3 J_cm = Mat3::Zero();  ///< inertia about the centre of mass, node axes [kg m^2]
-};
-
-enum class ForceFrame { absolute, follower };
-
-struct ForceData {
-  Identity id;
-  ForceFrame frame = ForceFrame::absolute;
-  bool couple = false;
-  NodeIndex node = 0;
-  Vec3 arm = Vec3::Zero();  ///< in the node frame [m]; unused by couples
-  VectorDrive<3> value;     ///< [N] or [N m]
 };
 
 // ---- analysis ----------------------------------------------------------------------------------------------------
@@ -292,8 +199,8 @@ struct Deck {
   std::vector<NodeData> nodes;  ///< in deck order: the order of the unknowns
   std::vector<DummyNodeData> dummy_nodes;
   std::vector<BodyData> bodies;
-  std::vector<JointData> joints;          ///< in deck order, rods and deformable elements included
-  std::vector<ForceData> forces;          ///< forces and couples in deck order
+  std::vector<ElementData> joints;        ///< in deck order, rods and deformable elements included
+  std::vector<ElementData> forces;        ///< forces and couples in deck order
   std::optional<VectorDrive<3>> gravity;  ///< uniform acceleration [m/s^2], global components
 };
 

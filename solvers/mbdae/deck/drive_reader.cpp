@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "mbdae/model/drive_library.h"
+#include "mbdae/drive/drive_library.h"
 
 namespace mbdae::reading {
 namespace {

@@ -11,10 +11,13 @@ void read_reference(Context& context);
 void read_structural(Context& context);
 void read_body(Context& context);
 void read_gravity(Context& context);
-void read_force(Context& context, bool couple);
-void read_joint(Context& context);
+/// A joint, force or couple: what follows `joint:`, `force:`, `couple:`.
+void read_element(Context& context, CardKind card);
 
 /// `output, yes|no` if it is there; true if it was.
 bool skip_output(Input& input);
+
+/// [, orientation description, t][, output, yes|no][, inverse dynamics, ...]
+void skip_joint_options(Input& input);
 
 }  // namespace mbdae::reading

@@ -9,7 +9,7 @@
 
 #include "mbdae/deck/diagnostic.h"
 #include "mbdae/deck/format_text.h"
-#include "mbdae/model/drive_jet.h"
+#include "mbdae/drive/drive_jet.h"
 
 namespace mbdae::reading {
 namespace {

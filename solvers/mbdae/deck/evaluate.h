@@ -9,7 +9,7 @@
 
 #include "mbdae/deck/expression.h"
 #include "mbdae/deck/value.h"
-#include "mbdae/model/drive.h"
+#include "mbdae/drive/drive.h"
 
 namespace mbdae::reading {
 

@@ -65,7 +65,7 @@ constexpr const char* kOtherGlobals[] = {
 
 class Reader {
  public:
-  explicit Reader(Diagnostics& diagnostics) : context_(diagnostics) {}
+  Reader(Diagnostics& diagnostics, ElementTable elements) : context_(diagnostics, elements) {}
 
   void read(std::string text, const std::string& name) {
     context_.input.open(std::move(text), name);
@@ -159,10 +159,10 @@ class Reader {
 
   void read_element_card(const Words& card) {
     if (card.is("body")) return read_body(context_);
-    if (card.is("joint")) return read_joint(context_);
+    if (card.is("joint")) return read_element(context_, CardKind::joint);
     if (card.is("gravity")) return read_gravity(context_);
-    if (card.is("force")) return read_force(context_, false);
-    if (card.is("couple")) return read_force(context_, true);
+    if (card.is("force")) return read_element(context_, CardKind::force);
+    if (card.is("couple")) return read_element(context_, CardKind::couple);
     for (const char* other : kOtherElements) {
       if (card.is(other)) context_.input.fail(card.where, std::string("not supported: the element `") + other + "`");
     }
@@ -248,7 +248,7 @@ ReadResult finish(Diagnostics& diagnostics, Reader* reader) {
   return result;
 }
 
-ReadResult read(std::string text, const std::string& name) {
+ReadResult read(std::string text, const std::string& name, ElementTable elements) {
   Diagnostics diagnostics;
   diagnostics.add_file(name);
   try {
@@ -257,7 +257,7 @@ ReadResult read(std::string text, const std::string& name) {
       diagnostics.error({0, 0, 0}, problem);
       return finish(diagnostics, nullptr);
     }
-    Reader reader(diagnostics);
+    Reader reader(diagnostics, elements);
     reader.read(std::move(text), name);
     return finish(diagnostics, &reader);
   } catch (const std::bad_alloc&) {
@@ -271,11 +271,13 @@ ReadResult read(std::string text, const std::string& name) {
 }  // namespace
 }  // namespace reading
 
-ReadResult read_deck_text(const std::string& text, const std::string& name) { return reading::read(text, name); }
+ReadResult read_deck_text(const std::string& text, const std::string& name, ElementTable elements) {
+  return reading::read(text, name, elements);
+}
 
-ReadResult read_deck_file(const std::string& path) {
+ReadResult read_deck_file(const std::string& path, ElementTable elements) {
   std::string text, problem;
-  if (reading::load_text(path, &text, &problem)) return reading::read(std::move(text), path);
+  if (reading::load_text(path, &text, &problem)) return reading::read(std::move(text), path, elements);
   reading::Diagnostics diagnostics;
   diagnostics.add_file(path);
   diagnostics.error({0, 0, 0}, problem);

@@ -30,10 +30,10 @@ struct ReadResult {
   std::vector<Diagnostic> diagnostics;
 };
 
-/// Reads a deck and the files it includes.
-ReadResult read_deck_file(const std::string& path);
+/// Reads a deck and the files it includes; `elements` are those it may have (elements/table.h).
+ReadResult read_deck_file(const std::string& path, ElementTable elements);
 
 /// Reads a deck from memory; `name` is used in messages and its directory for relative includes.
-ReadResult read_deck_text(const std::string& text, const std::string& name);
+ReadResult read_deck_text(const std::string& text, const std::string& name, ElementTable elements);
 
 }  // namespace mbdae

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "mbdae/model/drive.h"
+#include "mbdae/drive/drive.h"
 
 namespace mbdae::reading {
 

@@ -9,9 +9,12 @@
 
 #include <Eigen/Core>
 
+#include <span>
+#include <string>
 #include <vector>
 
 #include "mbdae/deck/deck.h"
+#include "mbdae/model/law.h"
 #include "mbdae/model/rotation.h"
 
 namespace mbdae {
@@ -61,12 +64,60 @@ struct NodeSlot {
   bool dynamic = false;  ///< has momenta: 12 unknowns instead of 6
 };
 
+/// What an element is made with: where its nodes stand, and the number of its own first unknown.
+struct Numbering {
+  std::span<const NodeSlot> nodes;  ///< deck order
+  int first = 0;
+
+  const NodeSlot& slot(NodeIndex node) const { return nodes[node]; }
+};
+
+class Muscle;
+
+/// A drive that a linearised model has as an input: how it is called after its element, and what it moves.
+struct DriveInput {
+  std::string name;        ///< ".position[1]"
+  std::string unit;        ///< of the drive
+  int first = 0;           ///< first equation that it enters
+  Eigen::VectorXd column;  ///< derivative of the equations from there on
+};
+
 class Element {
  public:
   virtual ~Element() = default;
 
   /// Adds to eq.g and, if asked, to eq.g_y and eq.g_ydot.
   virtual void assemble(const State& state, Equations& eq, bool tangent) const = 0;
+
+  /// Elements of a lower rank are assembled first; rods come before other loads.
+  virtual int rank() const { return 1; }
+
+  /// The muscle that this is, or null.
+  virtual const Muscle* muscle() const { return nullptr; }
+
+  /// The drives that linearised models have as inputs, at the state.
+  virtual std::vector<DriveInput> drive_inputs(const State& /*state*/) const { return {}; }
+
+  /// Why the element cannot start from this state, as the rest of a sentence about it; empty if it can.
+  virtual std::string defect(const State& /*state*/) const { return {}; }
+
+  /// Why no variable-step integration on the stabilised constraints is possible, as such a rest; empty if it is.
+  virtual std::string no_variable_step() const { return {}; }
+};
+
+/// A muscle: inner values, and what its activation does.
+class Muscle {
+ public:
+  virtual ~Muscle() = default;
+
+  /// Length at the state [m].
+  virtual double length(const State& state) const = 0;
+
+  virtual MuscleValue value(const State& state) const = 0;
+
+  /// Adds the derivative of g with respect to the activation drive of the muscle, whose values these are, to a column.
+  virtual void add_activation_derivative(const State& state, const MuscleValue& value,
+                                         Eigen::Ref<Eigen::VectorXd> column) const = 0;
 };
 
 /// An element with reactions and constraint equations.

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/model/model.h"
 
+#include <algorithm>
 #include <stdexcept>
-
-#include "mbdae/model/hinge.h"
 
 namespace mbdae {
 
@@ -34,44 +33,22 @@ Model::Model(const Deck& deck) : deck_(deck) {
     inertias_.emplace_back(slots_[i], bodies[i], deck.gravity ? &*deck.gravity : nullptr);
   }
 
-  for (const JointData& joint : deck.joints) {
-    std::unique_ptr<Constraint> constraint;
-    const auto slot = [&](NodeIndex node) -> const NodeSlot& { return slots_[node]; };
-    if (const auto* d = std::get_if<ClampData>(&joint.kind)) {
-      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node), size_);
-    } else if (const auto* d = std::get_if<SphericalHingeData>(&joint.kind)) {
-      constraint = std::make_unique<Hinge>(*d, slot(d->node1), slot(d->node2), size_);
-    } else if (const auto* d = std::get_if<SphericalPinData>(&joint.kind)) {
-      constraint = std::make_unique<Hinge>(*d, slot(d->node), size_);
-    } else if (const auto* d = std::get_if<RevoluteHingeData>(&joint.kind)) {
-      constraint = std::make_unique<Hinge>(*d, slot(d->node1), slot(d->node2), size_);
-    } else if (const auto* d = std::get_if<RevolutePinData>(&joint.kind)) {
-      constraint = std::make_unique<Hinge>(*d, slot(d->node), size_);
-    } else if (const auto* d = std::get_if<CardanoHingeData>(&joint.kind)) {
-      constraint = std::make_unique<Hinge>(*d, slot(d->node1), slot(d->node2), size_);
-    } else if (const auto* d = std::get_if<CardanoPinData>(&joint.kind)) {
-      constraint = std::make_unique<Hinge>(*d, slot(d->node), size_);
-    } else if (const auto* d = std::get_if<InLineData>(&joint.kind)) {
-      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node1), slot(d->node2), size_);
-    } else if (const auto* d = std::get_if<TotalJointData>(&joint.kind)) {
-      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node1), slot(d->node2), size_);
-    } else if (const auto* d = std::get_if<TotalPinData>(&joint.kind)) {
-      constraint = std::make_unique<TotalConstraint>(*d, slot(d->node), size_);
-    } else if (const auto* d = std::get_if<RodData>(&joint.kind)) {
-      rods_.push_back({&joint, std::make_unique<Rod>(*d, slot(d->node1), slot(d->node2))});
-    } else if (const auto* d = std::get_if<DeformableHingeData>(&joint.kind)) {
-      elements_.push_back(std::make_unique<DeformableHinge>(*d, slot(d->node1), slot(d->node2)));
-    } else if (const auto* d = std::get_if<DeformableJointData>(&joint.kind)) {
-      elements_.push_back(std::make_unique<DeformableJoint>(*d, slot(d->node1), slot(d->node2)));
-    }
-    if (constraint) {
-      size_ += constraint->size();
-      constraints_.push_back({&joint, std::move(constraint)});
+  for (const std::vector<ElementData>* list : {&deck.joints, &deck.forces}) {
+    for (const ElementData& data : *list) {
+      std::unique_ptr<Element> element = data.type->make(data.data, {slots_, size_});
+      if (const Muscle* muscle = element->muscle()) muscles_.push_back({&data, muscle});
+      if (auto* constraint = dynamic_cast<Constraint*>(element.get())) {
+        element.release();
+        size_ += constraint->size();
+        constraints_.push_back({&data, std::unique_ptr<Constraint>(constraint)});
+      } else {
+        loads_.push_back({&data, std::move(element)});
+      }
     }
   }
-  for (const ForceData& force : deck.forces) {
-    elements_.push_back(std::make_unique<AppliedForce>(force, slots_[force.node]));
-  }
+  std::stable_sort(loads_.begin(), loads_.end(), [](const LoadEntry& one, const LoadEntry& other) {
+    return one.element->rank() < other.element->rank();
+  });
 }
 
 State Model::initial_state() const {
@@ -114,8 +91,7 @@ void Model::assemble_statics(const State& state, Equations& eq, bool tangent) co
 
 void Model::add_loads(const State& state, Equations& eq, bool tangent) const {
   for (const NodeInertia& inertia : inertias_) inertia.assemble_gravity(state, eq, tangent);
-  for (const RodEntry& entry : rods_) entry.rod->assemble(state, eq, tangent);
-  for (const auto& element : elements_) element->assemble(state, eq, tangent);
+  for (const LoadEntry& entry : loads_) entry.element->assemble(state, eq, tangent);
 }
 
 void Model::add_constraints(const State& state, Equations& eq, bool tangent) const {

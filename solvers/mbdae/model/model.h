@@ -10,29 +10,29 @@
 
 #include "mbdae/deck/deck.h"
 #include "mbdae/model/element.h"
-#include "mbdae/model/loads.h"
-#include "mbdae/model/springs.h"
-#include "mbdae/model/total.h"
+#include "mbdae/model/inertia.h"
 
 namespace mbdae {
 
 /// A joint with reactions, and what the deck calls it.
 struct ConstraintEntry {
-  const JointData* data = nullptr;
+  const ElementData* data = nullptr;
   std::unique_ptr<Constraint> constraint;
 };
 
-/// A rod, muscles included.
-struct RodEntry {
-  const JointData* data = nullptr;
-  std::unique_ptr<Rod> rod;
+/// An element without unknowns: rods, deformable elements, applied forces.
+struct LoadEntry {
+  const ElementData* data = nullptr;
+  std::unique_ptr<Element> element;
 };
 
-/// The type of a joint as decks write it: "spherical hinge", ...
-std::string joint_type(const JointData& joint);
+struct MuscleEntry {
+  const ElementData* data = nullptr;
+  const Muscle* muscle = nullptr;
+};
 
 /// How a joint is called in messages: `wrist_l (cardano hinge 107)`.
-std::string joint_title(const JointData& joint);
+std::string joint_title(const ElementData& joint);
 
 /// A deck as a system of equations. Keeps references into the deck, which must outlive it.
 class Model {
@@ -46,7 +46,8 @@ class Model {
   int reaction_count() const { return size_ - reaction_start_; }
   const std::vector<NodeSlot>& slots() const { return slots_; }
   const std::vector<ConstraintEntry>& constraints() const { return constraints_; }
-  const std::vector<RodEntry>& rods() const { return rods_; }
+  const std::vector<LoadEntry>& loads() const { return loads_; }        ///< in the order of assembly
+  const std::vector<MuscleEntry>& muscles() const { return muscles_; }  ///< deck order
   const std::vector<NodeInertia>& inertias() const { return inertias_; }
 
   /// Deck poses and velocities (zero velocities under `model: static`), momenta of the bodies, no reactions.
@@ -98,8 +99,8 @@ class Model {
   std::vector<NodeSlot> slots_;
   std::vector<NodeInertia> inertias_;  // one per node
   std::vector<ConstraintEntry> constraints_;
-  std::vector<RodEntry> rods_;
-  std::vector<std::unique_ptr<Element>> elements_;  // deformable elements and applied forces
+  std::vector<LoadEntry> loads_;
+  std::vector<MuscleEntry> muscles_;
 };
 
 }  // namespace mbdae

@@ -8,16 +8,8 @@
 
 namespace mbdae {
 
-std::string joint_type(const JointData& joint) {
-  static constexpr std::array<const char*, std::variant_size_v<JointKind>> kTypes{
-      "clamp",         "spherical hinge",  "spherical pin",   "revolute hinge", "revolute pin",
-      "cardano hinge", "cardano pin",      "in line",         "total joint",    "total pin joint",
-      "rod",           "deformable hinge", "deformable joint"};
-  return kTypes[joint.kind.index()];
-}
-
-std::string joint_title(const JointData& joint) {
-  return joint.id.name + " (" + joint_type(joint) + " " + std::to_string(joint.id.label) + ")";
+std::string joint_title(const ElementData& joint) {
+  return joint.id.name + " (" + joint.type->name + " " + std::to_string(joint.id.label) + ")";
 }
 
 Model::Place Model::place(int k) const {

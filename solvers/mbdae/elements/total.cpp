@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/model/total.h"
+#include "mbdae/elements/total.h"
 
 namespace mbdae {
 
@@ -44,48 +44,54 @@ void TotalConstraint::add_rows(const std::array<TotalComponent, 3>& position,
   size_ = static_cast<int>(rows_.size());
 }
 
-TotalConstraint::TotalConstraint(const ClampData& data, const NodeSlot& node, int first)
-    : node2_(node), origin_(data.X), R1h_(Mat3::Identity()), R1hr_(Mat3::Identity()), R2hr_(data.R.transpose()) {
-  first_ = first;
+TotalConstraint::TotalConstraint(const ClampData& data, const Numbering& numbering)
+    : node2_(numbering.slot(data.node)),
+      origin_(data.X),
+      R1h_(Mat3::Identity()),
+      R1hr_(Mat3::Identity()),
+      R2hr_(data.R.transpose()) {
+  first_ = numbering.first;
   add_rows(kAll, kAll);
 }
 
-TotalConstraint::TotalConstraint(const InLineData& data, const NodeSlot& node1, const NodeSlot& node2, int first)
-    : node1_(node1),
-      node2_(node2),
+TotalConstraint::TotalConstraint(const InLineData& data, const Numbering& numbering)
+    : node1_(numbering.slot(data.node1)),
+      node2_(numbering.slot(data.node2)),
       f2_(data.q),
       origin_(data.Rv.transpose() * data.p),
       R1h_(data.Rv),
       R1hr_(Mat3::Identity()),
       R2hr_(Mat3::Identity()) {
-  first_ = first;
+  first_ = numbering.first;
   add_rows({TotalComponent::position, TotalComponent::position, TotalComponent::inactive}, kNone);
 }
 
-TotalConstraint::TotalConstraint(const TotalJointData& data, const NodeSlot& node1, const NodeSlot& node2, int first)
-    : node1_(node1),
-      node2_(node2),
+TotalConstraint::TotalConstraint(const TotalJointData& data, const Numbering& numbering)
+    : node1_(numbering.slot(data.node1)),
+      node2_(numbering.slot(data.node2)),
       f2_(data.f2),
       origin_(data.R1h.transpose() * data.f1),
       R1h_(data.R1h),
       R1hr_(data.R1hr),
       R2hr_(data.R2hr),
       position_drive_(data.position_drive),
-      rotation_drive_(data.rotation_drive) {
-  first_ = first;
+      rotation_drive_(data.rotation_drive),
+      driven_(true) {
+  first_ = numbering.first;
   add_rows(data.position, data.rotation);
 }
 
-TotalConstraint::TotalConstraint(const TotalPinData& data, const NodeSlot& node, int first)
-    : node2_(node),
+TotalConstraint::TotalConstraint(const TotalPinData& data, const Numbering& numbering)
+    : node2_(numbering.slot(data.node)),
       f2_(data.fn),
       origin_(data.Rch.transpose() * data.Xc),
       R1h_(data.Rch),
       R1hr_(data.Rchr),
       R2hr_(data.Rnhr),
       position_drive_(data.position_drive),
-      rotation_drive_(data.rotation_drive) {
-  first_ = first;
+      rotation_drive_(data.rotation_drive),
+      driven_(true) {
+  first_ = numbering.first;
   add_rows(data.position, data.rotation);
 }
 
@@ -260,6 +266,24 @@ void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tange
       }
     }
   }
+}
+
+std::vector<DriveInput> TotalConstraint::drive_inputs(const State& state) const {
+  std::vector<DriveInput> out;
+  if (!driven_) return out;
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    const Row& row = rows_[k];
+    out.push_back({(row.rotation ? ".rotation[" : ".position[") + std::to_string(row.component + 1) + "]",
+                   std::string(row.rotation ? "rad" : "m") + (row.velocity ? "/s" : ""), first_,
+                   drive_derivative(state, static_cast<int>(k))});
+  }
+  return out;
+}
+
+std::string TotalConstraint::no_variable_step() const {
+  if (active_rotations_ != 1) return {};
+  return "imposes a single rotation component, which is no constraint on the position alone; integrate it with `ms`, "
+         "or use a cardano hinge";
 }
 
 Eigen::VectorXd TotalConstraint::drive_derivative(const State& state, int k) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/model/hinge.h"
+#include "mbdae/elements/hinge.h"
 
 namespace mbdae {
 
@@ -21,34 +21,40 @@ void Hinge::add_axis(const NodeSlot& node_a, const Vec3& a, const NodeSlot& node
   ++size_;
 }
 
-Hinge::Hinge(const SphericalHingeData& data, const NodeSlot& node1, const NodeSlot& node2, int first) {
-  set_points(node1, data.d1, node2, data.d2, first);
+Hinge::Hinge(const SphericalHingeData& data, const Numbering& numbering) {
+  const NodeSlot &node1 = numbering.slot(data.node1), &node2 = numbering.slot(data.node2);
+  set_points(node1, data.d1, node2, data.d2, numbering.first);
 }
 
-Hinge::Hinge(const SphericalPinData& data, const NodeSlot& node, int first) {
-  set_points(node, data.d, NodeSlot{}, data.X0, first);
+Hinge::Hinge(const SphericalPinData& data, const Numbering& numbering) {
+  const NodeSlot& node = numbering.slot(data.node);
+  set_points(node, data.d, NodeSlot{}, data.X0, numbering.first);
 }
 
-Hinge::Hinge(const RevoluteHingeData& data, const NodeSlot& node1, const NodeSlot& node2, int first) {
-  set_points(node1, data.d1, node2, data.d2, first);
+Hinge::Hinge(const RevoluteHingeData& data, const Numbering& numbering) {
+  const NodeSlot &node1 = numbering.slot(data.node1), &node2 = numbering.slot(data.node2);
+  set_points(node1, data.d1, node2, data.d2, numbering.first);
   add_axis(node1, data.R1h.col(2), node2, data.R2h.col(1), 1.0);
   add_axis(node1, data.R1h.col(2), node2, data.R2h.col(0), -1.0);
 }
 
-Hinge::Hinge(const RevolutePinData& data, const NodeSlot& node, int first) {
-  set_points(node, data.d, NodeSlot{}, data.X0, first);
+Hinge::Hinge(const RevolutePinData& data, const Numbering& numbering) {
+  const NodeSlot& node = numbering.slot(data.node);
+  set_points(node, data.d, NodeSlot{}, data.X0, numbering.first);
   add_axis(NodeSlot{}, data.R0.col(2), node, data.Rh.col(1), -1.0);
   add_axis(NodeSlot{}, data.R0.col(2), node, data.Rh.col(0), 1.0);
 }
 
-Hinge::Hinge(const CardanoHingeData& data, const NodeSlot& node1, const NodeSlot& node2, int first) {
-  set_points(node1, data.d1, node2, data.d2, first);
+Hinge::Hinge(const CardanoHingeData& data, const Numbering& numbering) {
+  const NodeSlot &node1 = numbering.slot(data.node1), &node2 = numbering.slot(data.node2);
+  set_points(node1, data.d1, node2, data.d2, numbering.first);
   point_row_sign_ = 1.0;
   add_axis(node1, data.R1h.col(2), node2, data.R2h.col(1), 1.0);
 }
 
-Hinge::Hinge(const CardanoPinData& data, const NodeSlot& node, int first) {
-  set_points(node, data.d, NodeSlot{}, data.X0, first);
+Hinge::Hinge(const CardanoPinData& data, const Numbering& numbering) {
+  const NodeSlot& node = numbering.slot(data.node);
+  set_points(node, data.d, NodeSlot{}, data.X0, numbering.first);
   force_sign_ = -1.0;
   add_axis(NodeSlot{}, data.R0.col(2), node, data.Rh.col(1), 1.0);
 }

@@ -1,9 +1,11 @@
+// The analysis `linearise`: the state that a deck implies, and the linearised model there.
+//
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
 #include "mbdae/dae/analyses.h"
 #include "mbdae/dae/consistency.h"
-#include "mbdae/dae/describe.h"
+#include "mbdae/dae/linearise_at_state.h"
 
 namespace mbdae {
 
@@ -21,7 +23,7 @@ LinearisedModel linearise(const Deck& deck, const LineariseOptions& options) {
   } else {
     solve_accelerations(model, state);
   }
-  return describe(model, state, options.c.value_or(deck_coefficient(deck)), "linearise");
+  return linearise_at_state(model, state, options.c.value_or(deck_coefficient(deck)), "linearise");
 }
 
 }  // namespace mbdae

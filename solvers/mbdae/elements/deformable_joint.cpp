@@ -1,39 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/model/springs.h"
+#include "mbdae/elements/deformable_joint.h"
+
+#include "mbdae/deck/law_reader.h"
+#include "mbdae/elements/ends.h"
 
 namespace mbdae {
 
-DeformableHinge::DeformableHinge(const DeformableHingeData& data, const NodeSlot& node1, const NodeSlot& node2)
-    : data_(data), node1_(node1), node2_(node2) {}
-
-void DeformableHinge::assemble(const State& state, Equations& eq, bool tangent) const {
-  const NodeMotion& n1 = motion_of(state, node1_);
-  const NodeMotion& n2 = motion_of(state, node2_);
-  const Mat3 Ra = n1.R * data_.R1h;
-  const Vec3 theta = rotation_log(Ra.transpose() * n2.R * data_.R2h), w21 = n2.w - n1.w;
-  const Vec3 rate = Ra.transpose() * w21;
-  const LawValue<3> law = std::visit([&](const auto& l) { return evaluate(l, state.t, theta, rate); }, data_.law);
-  const Vec3 M = Ra * law.f;
-  add_to_g(eq.g, node1_, Vec3::Zero(), -M);
-  add_to_g(eq.g, node2_, Vec3::Zero(), M);
-  if (!tangent) return;
-
-  const Mat3 K = Ra * law.K * rotation_gamma_inverse(theta) * Ra.transpose(), C = Ra * law.C * Ra.transpose();
-  const Mat3 by_phi1 = C * skew(w21) - K - skew(M);
-  const int M1 = moment_row(node1_), M2 = moment_row(node2_);
-  const int g1 = rotation_column(node1_), g2 = rotation_column(node2_);
-  add_block(eq.g_y, M1, g1, -by_phi1);
-  add_block(eq.g_y, M1, g2, -K);
-  add_block(eq.g_y, M2, g1, by_phi1);
-  add_block(eq.g_y, M2, g2, K);
-  add_block(eq.g_ydot, M1, g1, C);
-  add_block(eq.g_ydot, M1, g2, -C);
-  add_block(eq.g_ydot, M2, g1, -C);
-  add_block(eq.g_ydot, M2, g2, C);
-}
-
-DeformableJoint::DeformableJoint(const DeformableJointData& data, const NodeSlot& node1, const NodeSlot& node2)
-    : data_(data), node1_(node1), node2_(node2) {}
+DeformableJoint::DeformableJoint(const DeformableJointData& data, const Numbering& numbering)
+    : data_(data), node1_(numbering.slot(data.node1)), node2_(numbering.slot(data.node2)) {}
 
 void DeformableJoint::assemble(const State& state, Equations& eq, bool tangent) const {
   const NodeMotion& n1 = motion_of(state, node1_);
@@ -93,5 +67,15 @@ void DeformableJoint::assemble(const State& state, Equations& eq, bool tangent) 
     }
   }
 }
+
+namespace reading {
+
+DeformableJointData read_deformable_joint(Context& context) {
+  const auto [first, second] = read_two_ends(context, Presence::required);
+  return DeformableJointData{first.node,        second.node,        first.position,    second.position,
+                             first.orientation, second.orientation, read_law6(context)};
+}
+
+}  // namespace reading
 
 }  // namespace mbdae

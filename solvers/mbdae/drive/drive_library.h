@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "mbdae/model/drive.h"
+#include "mbdae/drive/drive.h"
 
 namespace mbdae {
 

@@ -1,4 +1,4 @@
-// Inertia and gravity of the bodies on a node, and applied forces and couples.
+// Inertia and gravity of the bodies on a node.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -42,17 +42,6 @@ class NodeInertia final : public Element {
   Vec3 S_ = Vec3::Zero();  ///< static moment in the node frame [kg m]
   Mat3 J_ = Mat3::Zero();  ///< inertia about the node, node axes [kg m^2]
   const VectorDrive<3>* gravity_;
-};
-
-/// An applied force or couple, absolute or follower.
-class AppliedForce final : public Element {
- public:
-  AppliedForce(const ForceData& data, const NodeSlot& node) : data_(data), node_(node) {}
-  void assemble(const State& state, Equations& eq, bool tangent) const override;
-
- private:
-  ForceData data_;
-  NodeSlot node_;
 };
 
 }  // namespace mbdae

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "mbdae/model/drive.h"
+#include "mbdae/drive/drive.h"
 
 namespace mbdae {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/model/loads.h"
+#include "mbdae/model/inertia.h"
 
 namespace mbdae {
 
@@ -84,28 +84,6 @@ void NodeInertia::assemble(const State& state, Equations& eq, bool tangent) cons
   eq.g_ydot.block<3, 3>(beta, beta) += I;
   eq.g_ydot.block<3, 3>(beta + 3, beta + 3) += I;
   eq.g_ydot.block<3, 3>(beta + 3, x) -= skew(b);
-}
-
-void AppliedForce::assemble(const State& state, Equations& eq, bool tangent) const {
-  const NodeMotion& n = motion_of(state, node_);
-  const bool follower = data_.frame == ForceFrame::follower;
-  Vec3 value = data_.value.at(state.t);
-  if (follower) value = n.R * value;
-  const int F = node_.force, M = moment_row(node_), g = rotation_column(node_);
-  if (data_.couple) {
-    add_to_g(eq.g, node_, Vec3::Zero(), -value);
-    if (tangent && follower) add_block(eq.g_y, M, g, skew(value));
-    return;
-  }
-  const Vec3 arm = n.R * data_.arm;
-  add_to_g(eq.g, node_, -value, -arm.cross(value));
-  if (!tangent) return;
-  if (follower) {
-    add_block(eq.g_y, F, g, skew(value));
-    add_block(eq.g_y, M, g, skew(arm.cross(value)));
-  } else {
-    add_block(eq.g_y, M, g, -skew_skew(value, arm));
-  }
 }
 
 }  // namespace mbdae

@@ -1,4 +1,4 @@
-// The linearised model at a state, with names: shared by linearise and static.
+// Linearises a model at a given state, with the names of everything: shared by the analyses `linearise` and `static`.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -9,7 +9,7 @@
 namespace mbdae {
 
 /// Tangent matrices, residuals, inputs and names at a state whose momenta and reactions are set.
-LinearisedModel describe(const Model& model, State& state, double c, const char* analysis);
+LinearisedModel linearise_at_state(const Model& model, State& state, double c, const char* analysis);
 
 /// c [s] of the deck's eigenanalysis card (`parameter` / 2), 0.01 s without one.
 double deck_coefficient(const Deck& deck);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/dae/describe.h"
+#include "mbdae/dae/linearise_at_state.h"
+
+#include <utility>
 
 namespace mbdae {
 
@@ -13,7 +15,7 @@ void describe_unknowns(const Model& model, LinearisedModel& out) {
     out.dofs.push_back({model.unknown_name(k), model.unknown_kind(k), model.unknown_unit(k), model.unknown_owner(k)});
   }
   for (const ConstraintEntry& entry : model.constraints()) {
-    out.joints.push_back({entry.data->id.name, static_cast<int>(entry.data->id.label), joint_type(*entry.data),
+    out.joints.push_back({entry.data->id.name, static_cast<int>(entry.data->id.label), entry.data->type->name,
                           entry.constraint->first(), entry.constraint->size()});
   }
 }
@@ -38,41 +40,24 @@ void describe_nodes(const Model& model, const State& state, LinearisedModel& out
 }
 
 void describe_inputs(const Model& model, const State& state, LinearisedModel& out) {
-  std::vector<const RodEntry*> muscles;
-  for (const RodEntry& entry : model.rods()) {
-    if (entry.rod->is_muscle()) muscles.push_back(&entry);
-  }
-  int drives = 0;
+  std::vector<std::pair<const ElementData*, DriveInput>> drives;
   for (const ConstraintEntry& entry : model.constraints()) {
-    const bool driven = std::holds_alternative<TotalJointData>(entry.data->kind) ||
-                        std::holds_alternative<TotalPinData>(entry.data->kind);
-    if (driven) drives += entry.constraint->size();
+    for (DriveInput& input : entry.constraint->drive_inputs(state)) drives.emplace_back(entry.data, std::move(input));
   }
-  out.g_u = Eigen::MatrixXd::Zero(model.size(), static_cast<Eigen::Index>(muscles.size()) + drives);
+  out.g_u = Eigen::MatrixXd::Zero(model.size(), static_cast<Eigen::Index>(model.muscles().size() + drives.size()));
 
   int column = 0;
-  for (const RodEntry* entry : muscles) {
-    const Identity& id = entry->data->id;
-    const MuscleValue value = entry->rod->muscle(state);
-    out.muscles.push_back({id.name, static_cast<int>(id.label), entry->rod->length(state), value.x, value.v,
-                           value.activation, value.force});
+  for (const auto& [data, muscle] : model.muscles()) {
+    const Identity& id = data->id;
+    const MuscleValue value = muscle->value(state);
+    out.muscles.push_back(
+        {id.name, static_cast<int>(id.label), muscle->length(state), value.x, value.v, value.activation, value.force});
     out.inputs.push_back({"activation[" + id.name + "]", "-"});
-    entry->rod->add_activation_derivative(state, value, out.g_u.col(column++));
+    muscle->add_activation_derivative(state, value, out.g_u.col(column++));
   }
-  for (const ConstraintEntry& entry : model.constraints()) {
-    if (!std::holds_alternative<TotalJointData>(entry.data->kind) &&
-        !std::holds_alternative<TotalPinData>(entry.data->kind)) {
-      continue;
-    }
-    const auto& joint = static_cast<const TotalConstraint&>(*entry.constraint);
-    for (int k = 0; k < joint.size(); ++k) {
-      const TotalConstraint::Row& row = joint.rows()[static_cast<std::size_t>(k)];
-      const std::string unit = std::string(row.rotation ? "rad" : "m") + (row.velocity ? "/s" : "");
-      out.inputs.push_back({"drive[" + entry.data->id.name + (row.rotation ? ".rotation[" : ".position[") +
-                                std::to_string(row.component + 1) + "]]",
-                            unit});
-      out.g_u.col(column++).segment(joint.first(), joint.size()) = joint.drive_derivative(state, k);
-    }
+  for (const auto& [data, input] : drives) {
+    out.inputs.push_back({"drive[" + data->id.name + input.name + "]", input.unit});
+    out.g_u.col(column++).segment(input.first, input.column.size()) = input.column;
   }
 }
 
@@ -82,7 +67,7 @@ double deck_coefficient(const Deck& deck) {
   return deck.initial_value.eigenanalysis ? 0.5 * deck.initial_value.eigenanalysis->parameter : kDefaultCoefficient;
 }
 
-LinearisedModel describe(const Model& model, State& state, double c, const char* analysis) {
+LinearisedModel linearise_at_state(const Model& model, State& state, double c, const char* analysis) {
   LinearisedModel out;
   out.analysis = analysis;
   out.c = c;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/model/springs.h"
+#include "mbdae/elements/rod.h"
+
+#include "mbdae/deck/law_reader.h"
+#include "mbdae/elements/ends.h"
 
 namespace mbdae {
 
-Rod::Rod(const RodData& data, const NodeSlot& node1, const NodeSlot& node2)
-    : data_(data), node1_(node1), node2_(node2) {}
+Rod::Rod(const RodData& data, const Numbering& numbering)
+    : data_(data), node1_(numbering.slot(data.node1)), node2_(numbering.slot(data.node2)) {}
 
 Rod::Geometry Rod::geometry(const State& state) const {
   const NodeMotion& n1 = motion_of(state, node1_);
@@ -33,19 +36,22 @@ Rod::Scalar Rod::law(double t, double eps, double eps_rate) const {
   return {value.f(0), value.K(0), value.C(0)};
 }
 
-bool Rod::collapsed(const State& state) const { return geometry(state).l < 1e-12 * data_.L0; }
+std::string Rod::defect(const State& state) const {
+  if (!(geometry(state).l < 1e-12 * data_.L0)) return {};
+  return "has ends that coincide: its direction is undefined; move one of its points";
+}
 
 double Rod::length(const State& state) const { return geometry(state).l; }
 
-MuscleValue Rod::muscle(const State& state) const {
+MuscleValue Rod::value(const State& state) const {
   const Geometry geo = geometry(state);
   return evaluate(std::get<MuscleLaw>(data_.law), state.t, geo.eps, geo.eps_rate);
 }
 
-void Rod::add_activation_derivative(const State& state, const MuscleValue& muscle,
+void Rod::add_activation_derivative(const State& state, const MuscleValue& value,
                                     Eigen::Ref<Eigen::VectorXd> column) const {
   const Geometry geo = geometry(state);
-  const Vec3 F = geo.u * (muscle.by_activation / geo.l);
+  const Vec3 F = geo.u * (value.by_activation / geo.l);
   add_to_g(column, node1_, -F, -geo.f1.cross(F));
   add_to_g(column, node2_, F, geo.f2.cross(F));
 }
@@ -102,5 +108,31 @@ void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
     add_block(eq.g_y, row.force + 3, rotation_column(row), s * skew_skew(F, i == 0 ? geo.f1 : geo.f2));
   }
 }
+
+namespace reading {
+
+RodData read_rod(Context& context) {
+  Input& input = context.input;
+  End first = read_end(context);
+  read_offset(context, first.place(), Presence::optional, &first.position);
+  End second = read_end(context);
+  read_offset(context, second.after(first), Presence::optional, &second.position);
+  if (first.node == second.node) input.fail(input.card_position(), "a rod needs two different nodes");
+  RodData joint;
+  joint.node1 = first.node;
+  joint.node2 = second.node;
+  joint.f1 = first.position;
+  joint.f2 = second.position;
+  const double distance =
+      (second.frame.x + second.frame.R * second.position - first.frame.x - first.frame.R * first.position).norm();
+  input.need("the length of the rod or `from nodes`");
+  const SourcePosition where = input.where();
+  if (!(distance > 0.0)) input.fail(where, "the ends of the rod coincide, a rod needs a direction");
+  joint.L0 = input.take("from nodes") ? distance : input.positive("the length of the rod [m], or `from nodes`");
+  joint.law = read_law1(context, &joint.L0);
+  return joint;
+}
+
+}  // namespace reading
 
 }  // namespace mbdae

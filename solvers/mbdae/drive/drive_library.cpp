@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mbdae/model/drive_library.h"
+#include "mbdae/drive/drive_library.h"
 
 #include <cmath>
 
-#include "mbdae/model/drive_jet.h"
+#include "mbdae/drive/drive_jet.h"
 
 namespace mbdae {
 

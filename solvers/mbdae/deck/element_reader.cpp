@@ -1,0 +1,163 @@
+// Cards of the elements that have a type: `joint: label, TYPE, ...;`, forces and couples.
+//
+// The types and their grammar are rows of the table of elements (elements/table.cpp).
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/deck/element_reader.h"
+
+#include <utility>
+
+#include "mbdae/deck/geometry.h"
+
+namespace mbdae::reading {
+namespace {
+
+constexpr const char* kOtherJoints[] = {"angular acceleration",
+                                        "angular velocity",
+                                        "axial rotation",
+                                        "beam slider",
+                                        "brake",
+                                        "cardano rotation",
+                                        "deformable axial joint",
+                                        "deformable displacement joint",
+                                        "deformable displacement hinge",
+                                        "distance",
+                                        "distance with offset",
+                                        "drive displacement",
+                                        "drive displacement pin",
+                                        "drive hinge",
+                                        "friction",
+                                        "gimbal hinge",
+                                        "gimbal rotation",
+                                        "imposed displacement",
+                                        "imposed displacement pin",
+                                        "imposed kinematics",
+                                        "imposed orientation",
+                                        "in line contact",
+                                        "in plane",
+                                        "in plane contact",
+                                        "inline",
+                                        "inline friction",
+                                        "inplane",
+                                        "invariant deformable displacement joint",
+                                        "invariant deformable hinge",
+                                        "kinematic",
+                                        "linear acceleration",
+                                        "linear velocity",
+                                        "modal",
+                                        "offset displacement joint",
+                                        "plane displacement",
+                                        "plane displacement pin",
+                                        "plane hinge",
+                                        "plane pin",
+                                        "point contact",
+                                        "point surface contact",
+                                        "prismatic",
+                                        "revolute rotation",
+                                        "rod bezier",
+                                        "rod with offset",
+                                        "rotation",
+                                        "screw",
+                                        "total equation",
+                                        "total reaction",
+                                        "total force",
+                                        "tube",
+                                        "viscous body"};
+
+constexpr const char* kOtherForces[] = {"absolute internal", "follower internal",   "total",
+                                        "total internal",    "external structural", "modal",
+                                        "abstract",          "abstract internal"};
+
+/// What a kind of card is called, and where its entities are kept.
+struct Family {
+  const char* label;
+  const char* type;
+  const char* unread_type;  ///< what a type that is not read here is called
+  const char* kind;         ///< of identities
+  Choices unread;           ///< types of the language that are not read here
+  Count* count;
+  Registry<Nothing>* registry;
+  std::vector<ElementData>* list;
+};
+
+Family family(Context& context, CardKind card) {
+  switch (card) {
+    case CardKind::joint:
+      return {"a joint label", "joint type",         "joint",         "joint",
+              kOtherJoints,    &context.joint_count, &context.joints, &context.deck.joints};
+    case CardKind::force:
+      return {"a force label", "force type",         "force type",    "force",
+              kOtherForces,    &context.force_count, &context.forces, &context.deck.forces};
+    default:
+      return {"a couple label", "force type",         "force type",    "couple",
+              kOtherForces,     &context.force_count, &context.forces, &context.deck.forces};
+  }
+}
+
+/// The row of the type that stands there, or a message.
+const ElementType& read_type(Context& context, CardKind card, const Family& family) {
+  Input& input = context.input;
+  const auto names = [&] {
+    std::vector<const char*> out, aliases;
+    for (const ElementType& row : context.elements) {
+      if (row.card != card) continue;
+      out.push_back(row.name);
+      if (row.alias != nullptr) aliases.push_back(row.alias);
+    }
+    out.insert(out.end(), aliases.begin(), aliases.end());
+    return out;
+  };
+  input.need([&] { return std::string("a ") + family.type + ": " + joined(names()); });
+  for (const ElementType& row : context.elements) {
+    if (row.card != card) continue;
+    if (input.take(row.name) || (row.alias != nullptr && input.take(row.alias))) return row;
+  }
+  if (const auto words = input.peek_words()) {
+    for (const char* other : family.unread) {
+      if (words->is(other)) {
+        input.fail(words->where, std::string("not supported: the ") + family.unread_type + " `" + other + "`");
+      }
+    }
+  }
+  input.keyword(names(), family.type);  // fails with the choices
+  throw Reported{};
+}
+
+}  // namespace
+
+void skip_joint_options(Input& input) {
+  while (input.more()) {
+    if (skip_orientation_description(input) || skip_output(input)) continue;
+    if (!input.take("inverse dynamics")) return;
+    for (const char* flag : {"torque", "prescribed motion", "right hand side", "ergonomy"}) {
+      if (input.more() && input.take(flag)) input.yes_no();
+    }
+  }
+}
+
+void read_element(Context& context, CardKind card) {
+  Input& input = context.input;
+  const Family known = family(context, card);
+  ++known.count->found;
+  const Label label = input.label(known.label);
+  known.registry->announce(input, label);
+  const SourcePosition where = input.where();
+  const ElementType& type = read_type(context, card, known);
+  ElementData element{identity(label, known.kind), &type, type.read(context, where)};
+  if (card == CardKind::joint) {
+    skip_joint_options(input);
+    if (input.more()) {
+      if (const auto words = input.peek_words(); words && words->is("initial state")) {
+        input.fail(
+            words->where,
+            std::string("`initial state` belongs at the end of clamp, revolute hinge and revolute pin only, not of `") +
+                type.name + "`");
+      }
+    }
+  }
+  input.end_card();
+  known.list->push_back(std::move(element));
+  known.registry->define(label, {});
+}
+
+}  // namespace mbdae::reading

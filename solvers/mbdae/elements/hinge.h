@@ -1,0 +1,115 @@
+// Spherical, revolute and cardano joints: coincident points and orthogonal axes.
+//
+//   d1 = R1 d1~,  d2 = R2 d2~                     a pin has the ground as node 2: x2 = 0, d2 = X0
+//   points:  phi = s (x1 + d1 - x2 - d2)
+//            g[F1] += r F,  g[M1] += r d1 x F,  g[F2] -= r F,  g[M2] -= r d2 x F
+//   axes:    phi = -a.b                           a on one node, b on the other
+//            g[M_a] += k M b x a,  g[M_b] -= k M b x a
+//
+// Reactions F [N] global, then one couple M [N m] per axis. r = 1: F is the force that node 1 exerts on node 2 (on the
+// ground), so that it acts on node 1 with a minus sign; the cardano pin has r = -1. s = -1, but +1 for the cardano
+// hinge; k per axis in hinge.cpp. All as in MBDyn's Jacobians. Spherical: no axis; revolute: e3 of frame 1 against e2
+// and e1 of frame 2; cardano: e3 of frame 1 against e2 of frame 2. An axis condition holds for a = -a too: a joint
+// assembled upside down stays there. Tangent: docs/theory/elements.md; tests "spherical joints", "revolute joints",
+// "cardano joints" (test_model_tangent.cpp), signs in test_model_signs.cpp.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "mbdae/model/element.h"
+
+namespace mbdae {
+
+namespace reading {
+struct Context;
+}
+
+struct SphericalHingeData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;  ///< hinge point in node 1, 2
+};
+
+struct SphericalPinData {
+  NodeIndex node;
+  Vec3 d;   ///< in the node
+  Vec3 X0;  ///< global
+};
+
+struct RevoluteHingeData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;
+  Mat3 R1h, R2h;  ///< hinge frames in node 1, 2; free axis = 3
+  std::optional<double> initial_theta;
+  std::optional<Eigen::Matrix<double, 5, 1>> initial_reaction;  ///< F global, M1, M2 local
+};
+
+struct RevolutePinData {
+  NodeIndex node;
+  Vec3 d;
+  Mat3 Rh;
+  Vec3 X0;
+  Mat3 R0;  ///< global
+  std::optional<double> initial_theta;
+};
+
+struct CardanoHingeData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;
+  Mat3 R1h, R2h;  ///< axis 3 of R1h stays orthogonal to axis 2 of R2h
+};
+
+struct CardanoPinData {
+  NodeIndex node;
+  Vec3 d;
+  Mat3 Rh;
+  Vec3 X0;
+  Mat3 R0;
+};
+
+class Hinge final : public Constraint {
+ public:
+  /// A pin has the ground as node 2.
+  Hinge(const SphericalHingeData& data, const Numbering& numbering);
+  Hinge(const SphericalPinData& data, const Numbering& numbering);
+  Hinge(const RevoluteHingeData& data, const Numbering& numbering);
+  Hinge(const RevolutePinData& data, const Numbering& numbering);
+  Hinge(const CardanoHingeData& data, const Numbering& numbering);
+  Hinge(const CardanoPinData& data, const Numbering& numbering);
+
+  void assemble(const State& state, Equations& eq, bool tangent) const override;
+  void rates(const State& state, ConstraintRates& out, bool tangent) const override;
+  bool is_couple(int k) const override { return k >= 3; }
+
+ private:
+  /// Axis a on one node stays orthogonal to axis b on another; its reaction M is the couple sign_couple * M * (b x a).
+  struct Axis {
+    NodeSlot node_a, node_b;
+    Vec3 a, b;           ///< in their nodes
+    double couple_sign;  ///< of the couple on node a's equilibrium rows; node b gets the opposite
+  };
+
+  void set_points(const NodeSlot& node1, const Vec3& d1, const NodeSlot& node2, const Vec3& d2, int first);
+  void add_axis(const NodeSlot& node_a, const Vec3& a, const NodeSlot& node_b, const Vec3& b, double couple_sign);
+
+  NodeSlot node1_, node2_;
+  Vec3 d1_, d2_;  ///< hinge point in node 1, 2
+  double point_row_sign_ = -1.0;
+  double force_sign_ = 1.0;  ///< of F on node 1's equilibrium rows
+  std::vector<Axis> axes_;
+};
+
+namespace reading {
+
+SphericalHingeData read_spherical_hinge(Context& context);
+SphericalPinData read_spherical_pin(Context& context);
+RevoluteHingeData read_revolute_hinge(Context& context);
+RevolutePinData read_revolute_pin(Context& context);
+CardanoHingeData read_cardano_hinge(Context& context);
+CardanoPinData read_cardano_pin(Context& context);
+
+}  // namespace reading
+
+}  // namespace mbdae

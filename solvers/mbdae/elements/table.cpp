@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/elements/table.h"
+
+#include <type_traits>
+
+#include "mbdae/deck/context.h"
+#include "mbdae/elements/deformable_hinge.h"
+#include "mbdae/elements/deformable_joint.h"
+#include "mbdae/elements/force.h"
+#include "mbdae/elements/hinge.h"
+#include "mbdae/elements/rod.h"
+#include "mbdae/elements/total.h"
+
+namespace mbdae {
+
+namespace {
+
+/// A row from a reader that returns the element's data and a class that is made of them.
+template <auto kRead, class Mechanics>
+ElementType row(CardKind card, const char* name, const char* counts_as, const char* alias = nullptr) {
+  using Data = std::invoke_result_t<decltype(kRead), reading::Context&>;
+  ElementType type{};
+  type.card = card;
+  type.name = name;
+  type.alias = alias;
+  type.counts_as = counts_as;
+  type.data = &typeid(Data);
+  type.read = [](reading::Context& context, const SourcePosition& where) -> std::any {
+    Data data = kRead(context);
+    if constexpr (requires { data.node1 == data.node2; }) {
+      if (data.node1 == data.node2) context.input.fail(where, "both ends of the joint are on the same node");
+    }
+    return data;
+  };
+  type.make = [](const std::any& data, const Numbering& numbering) -> std::unique_ptr<Element> {
+    return std::make_unique<Mechanics>(*std::any_cast<Data>(&data), numbering);
+  };
+  if constexpr (requires(const Data& data) { data.counts_as(); }) {
+    type.counts = [](const std::any& data) { return std::any_cast<Data>(&data)->counts_as(); };
+  }
+  return type;
+}
+
+using namespace reading;  // the readers
+constexpr CardKind kJoint = CardKind::joint, kForce = CardKind::force, kCouple = CardKind::couple;
+
+const ElementType kElements[] = {
+    row<read_clamp, TotalConstraint>(kJoint, "clamp", "joints"),
+    row<read_spherical_hinge, Hinge>(kJoint, "spherical hinge", "joints"),
+    row<read_spherical_pin, Hinge>(kJoint, "spherical pin", "joints"),
+    row<read_revolute_hinge, Hinge>(kJoint, "revolute hinge", "joints"),
+    row<read_revolute_pin, Hinge>(kJoint, "revolute pin", "joints"),
+    row<read_cardano_hinge, Hinge>(kJoint, "cardano hinge", "joints", "universal hinge"),
+    row<read_cardano_pin, Hinge>(kJoint, "cardano pin", "joints", "universal pin"),
+    row<read_in_line, TotalConstraint>(kJoint, "in line", "joints"),
+    row<read_total_joint, TotalConstraint>(kJoint, "total joint", "joints"),
+    row<read_total_pin, TotalConstraint>(kJoint, "total pin joint", "joints"),
+    row<read_rod, Rod>(kJoint, "rod", "rods"),
+    row<read_deformable_hinge, DeformableHinge>(kJoint, "deformable hinge", "deformable"),
+    row<read_deformable_joint, DeformableJoint>(kJoint, "deformable joint", "deformable"),
+    row<read_absolute_force, AppliedForce>(kForce, "absolute", "forces"),
+    row<read_follower_force, AppliedForce>(kForce, "follower", "forces"),
+    row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces"),
+    row<read_follower_couple, AppliedForce>(kCouple, "follower", "forces"),
+};
+
+}  // namespace
+
+ElementTable element_table() { return kElements; }
+
+}  // namespace mbdae
