@@ -13,6 +13,8 @@ BIN := $(VENV)/bin
 RESULTS := results/puma-bmi
 STUDY := docs/studies/puma-bmi.yaml
 JOBS := 2
+# Exact versions of the Python packages; `make test LOCK=` tries the newest ones that pyproject.toml allows.
+LOCK := .ci/constraints.txt
 
 # Numerical libraries work in one thread: the matrices are small, and workers fill the cores.
 export OMP_NUM_THREADS := 1
@@ -48,12 +50,18 @@ $(VENV)/pyvenv.cfg: | build/system.stamp
 	@echo "Creating $(VENV)"
 	@python3 -m venv $(VENV)
 
-$(VENV)/installed.stamp: build/system.stamp $(VENV)/pyvenv.cfg pyproject.toml $(SOLVER_SOURCES)
+# The lock holds for what building needs as well: older versions of pip read the first variable there, newer ones the second.
+$(VENV)/installed.stamp: build/system.stamp $(VENV)/pyvenv.cfg pyproject.toml $(LOCK) $(SOLVER_SOURCES)
 	@echo "Building the solver and installing pilotgen into $(VENV) (about two minutes the first time)"
-	@$(BIN)/python -m pip install -qq --editable '.[test]'
+	@$(if $(LOCK),PIP_CONSTRAINT=$(abspath $(LOCK)) PIP_BUILD_CONSTRAINT=$(abspath $(LOCK))) \
+	    $(BIN)/python -m pip install -qq $(if $(LOCK),,--upgrade --upgrade-strategy eager) --editable '.[test]'
 	@$(BIN)/python -m compileall -q pilotgen  # for those who have Python write no bytecode
 	@$(BIN)/pilotgen --version >/dev/null
 	@touch $@
+
+.PHONY: lock
+lock: $(VENV)/pyvenv.cfg ## Renew .ci/constraints.txt: the newest versions that pyproject.toml allows
+	@$(BIN)/python .ci/lock
 
 .PHONY: build
 build: build/release.stamp ## Build the solver and its tests (build/solver)

@@ -30,7 +30,9 @@ def add_parser(commands: Any) -> None:
         "pilotgen calibrate docs/studies/puma-bmi.yaml -o results/calibration",
     )
     common.add_study(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=None, help="directory for the results")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=common.user_path, default=None, help="directory for the results"
+    )
     parser.add_argument("--write", action="store_true", help="replace pilotgen's own data/reflex.yaml")
     parser.add_argument(
         "--no-sensitivities",

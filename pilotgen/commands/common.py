@@ -42,7 +42,12 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 def add_output(parser: argparse.ArgumentParser) -> None:
     """Add -o DIR."""
     parser.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, required=True, help="directory for the results; made if missing"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=user_path,
+        required=True,
+        help="directory for the results; made if missing",
     )
 
 
@@ -117,6 +122,11 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS", default=None, help="address of a running dask scheduler, e.g. tcp://host:8786"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress line")
+
+
+def user_path(text: str) -> Path:
+    """Type of an argument: a path, made absolute here and nowhere else, for solvers work in other directories."""
+    return Path(text).absolute()
 
 
 def positive_int(text: str) -> int:

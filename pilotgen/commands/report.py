@@ -29,7 +29,10 @@ def add_parser(commands: Any) -> None:
         "pilotgen report results/quick",
     )
     parser.add_argument(
-        "directory", metavar="DIR", type=Path, help="output directory of `pilotgen search` or `pilotgen sample`"
+        "directory",
+        metavar="DIR",
+        type=common.user_path,
+        help="output directory of `pilotgen search` or `pilotgen sample`",
     )
     common.add_solver(parser)
     parser.add_argument(

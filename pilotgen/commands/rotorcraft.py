@@ -24,7 +24,12 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("name", metavar="NAME", help="bundled rotorcraft or a study file (.yaml)")
     parser.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, default=Path("."), help="directory for the figure (default: here)"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=common.user_path,
+        default=Path("."),
+        help="directory for the figure (default: here)",
     )
     parser.set_defaults(run=run)
 
