@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.results import Row, StudyResults, columns_of, read_results, write_results
-from pilotgen.search.problem import Problem, ranked_objectives
+from pilotgen.search.problem import Problem
 from pilotgen.search.ranking import non_dominated_rank
 from pilotgen.study.study import Study, study_from_text
 
@@ -61,7 +62,7 @@ def write_study(
     F = np.full((len(rows), problem.n_obj), np.nan)
     for k, row in enumerate(rows):
         if row.result["status"] == "ok":
-            F[k] = ranked_objectives(row.result["loop"], problem.objectives)
+            F[k] = ranked_objectives(row.result, problem.objectives)
     rank = np.where(np.isnan(F[:, 0]), 0, non_dominated_rank(F))
     members = np.arange(len(rows)).reshape(generations, population)
     last = members[-1]

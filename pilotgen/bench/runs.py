@@ -81,7 +81,8 @@ def one_shot(mbdae: Path, deck: Path, repeat: int) -> list[float]:
 
 def quality(study_path: Path, seeds: Iterable[int]) -> dict[str, Any]:
     """Hypervolume of the genetic search over that of NSGA-II with as many evaluations, seed by seed."""
-    from pilotgen.search import Problem, ranked_objectives
+    from pilotgen.objectives import ranked_objectives
+    from pilotgen.search import Problem
     from pilotgen.search.quality import compare_with_nsga2
 
     study: Study = read_study(study_path)
@@ -98,9 +99,7 @@ def quality(study_path: Path, seeds: Iterable[int]) -> dict[str, Any]:
                     result = evaluate(bench, study.values(problem.values(x))).result
                     ok = result["status"] == "ok"
                     known[key] = (
-                        tuple(ranked_objectives(result["loop"], problem.objectives))
-                        if ok
-                        else (np.nan,) * problem.n_obj
+                        tuple(ranked_objectives(result, problem.objectives)) if ok else (np.nan,) * problem.n_obj
                     )
                 F[k] = known[key]
             return F

@@ -6,13 +6,13 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Mapping
 from typing import Any
 
 from pilotgen.commands import common
 from pilotgen.files import to_json, write_text
+from pilotgen.objectives import OBJECTIVES, margins_text
 
 
 def add_parser(commands: Any) -> None:
@@ -66,13 +66,6 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def margin_text(value: float | None, unit: str, at_hz: float | None) -> str:
-    """`6.4 dB at 3.8 Hz`, or `none (no crossing)`."""
-    if value is None or not math.isfinite(value):
-        return "infinite (no crossing)"
-    return f"{value:.2f} {unit}" + (f" at {at_hz:.2f} Hz" if at_hz is not None else "")
-
-
 def summary(result: Mapping[str, Any]) -> str:
     """A few lines for a person."""
     loop = result["loop"]
@@ -103,11 +96,7 @@ def summary(result: Mapping[str, Any]) -> str:
         f"BDFT       {bdft['grip_motion_3hz_mm_per_m_s2']:.2f} mm of grip motion per m/s^2 at 3 Hz"
         + (f", certificate {bdft['certificate']:.1e}" if bdft.get("certificate") is not None else "")
     )
-    lines.append(
-        f"loop       {'stable' if loop['stable'] else 'UNSTABLE'}; gain margin "
-        f"{margin_text(loop['gain_margin_db'], 'dB', loop['gain_margin_hz'])}, "
-        f"phase margin {margin_text(loop['phase_margin_deg'], 'deg', loop['phase_margin_hz'])}, modulus margin "
-        f"{loop['modulus_margin']:.3f}"
-    )
+    state = "stable" if loop["stable"] else "UNSTABLE"
+    lines.append(f"loop       {state}; {margins_text(result, OBJECTIVES.values())}")
     lines.extend(f"note       {sentence}" for sentence in result.get("extrapolated", []))
     return "\n".join(lines)

@@ -53,11 +53,12 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pilotgen.commands.search import attributes_of, make_campaign, make_workers, open_journal
+    from pilotgen.objectives import ranked_objectives
     from pilotgen.progress import ProgressLine
     from pilotgen.runs.batch import RESULTS_NAME, locked_directory
     from pilotgen.runs.fingerprint import fingerprint
     from pilotgen.runs.results import ResultsWriter, Row, columns_of
-    from pilotgen.search import Problem, ranked_objectives
+    from pilotgen.search import Problem
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
                         for k, result in enumerate(results):
                             if result["status"] == "ok":
                                 unstable += not result["loop"]["stable"]
-                                F[k] = ranked_objectives(result["loop"], problem.objectives)
+                                F[k] = ranked_objectives(result, problem.objectives)
                                 smallest = {
                                     name: min(smallest[name], v)
                                     for name, v in zip(problem.objectives, F[k], strict=True)

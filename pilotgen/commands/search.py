@@ -149,9 +149,10 @@ def search_study(
     """Run the genetic search and write study.h5; returns the result objects in the order of its evaluations."""
     import numpy as np
 
+    from pilotgen.objectives import ranked_objectives
     from pilotgen.progress import ProgressLine
     from pilotgen.runs.results import Row, columns_of, write_results
-    from pilotgen.search import Problem, ranked_objectives, run_search
+    from pilotgen.search import Problem, run_search
 
     settings = study.search
     problem = Problem.from_settings(settings)
@@ -168,7 +169,7 @@ def search_study(
 
     def on_result(result: Mapping[str, Any]) -> None:
         if result["status"] == "ok":
-            for k, value in enumerate(ranked_objectives(result["loop"], settings.objectives)):
+            for k, value in enumerate(ranked_objectives(result, settings.objectives)):
                 best[k] = min(best[k], value)
         show()
 
@@ -180,7 +181,7 @@ def search_study(
         for k, (x, result) in enumerate(zip(X, results, strict=True)):
             rows.append(Row(number, k, problem.values(x), result))
             if result["status"] == "ok":
-                F[k] = ranked_objectives(result["loop"], settings.objectives)
+                F[k] = ranked_objectives(result, settings.objectives)
         show(milestone=True)
         return F
 
@@ -201,16 +202,14 @@ def search_study(
     return [dict(row.result) for row in rows]
 
 
-SHORT_NAMES = {"gain_margin_db": ("GM", "dB"), "phase_margin_deg": ("PM", "deg"), "modulus_margin": ("MM", "")}
-
-
 def progress_text(study: Study, campaign: Batch, generation: int, best: Sequence[float], left: str) -> str:
     """`generation 3/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | 0:12 left`."""
+    from pilotgen.objectives import OBJECTIVES
     from pilotgen.progress import counted
 
     tally = campaign.tally
     margins = ", ".join(
-        margin_word(name, value)
+        OBJECTIVES[name].brief(value)
         for name, value in zip(study.search.objectives, best, strict=True)
         if math.isfinite(value)
     )
@@ -222,14 +221,6 @@ def progress_text(study: Study, campaign: Batch, generation: int, best: Sequence
         f"at most {left} left" if left else "",
     ]
     return " | ".join(part for part in parts if part)
-
-
-def margin_word(name: str, value: float) -> str:
-    """`GM 1.82 dB`, or `PM none` when no pilot's loop has the crossing."""
-    from pilotgen.search.problem import CAPS
-
-    short, unit = SHORT_NAMES[name]
-    return f"{short} none" if value >= CAPS[name] else f"{short} {value:.3g} {unit}".rstrip()
 
 
 def print_worst(study_path: Path, directory: Path, campaign: Batch, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -258,22 +249,19 @@ def print_worst(study_path: Path, directory: Path, campaign: Batch, rows: Sequen
 
 def worst_table(results: Any, count: int = 10) -> list[str]:
     """The worst pilots of a study as lines of a table, in the order of the report; nearly equal pilots count as one."""
+    from pilotgen.objectives import OBJECTIVES
     from pilotgen.report import findings
 
     columns = results.columns
     order = findings.worst_order(results)
     if not len(order):
         return ["no pilot could be evaluated"]
-    heads = [*results.names, "gain margin dB", "phase margin deg", "modulus", "stable"]
+    heads = [*results.names, *(row.heading for row in OBJECTIVES.values()), "stable"]
     table = [heads]
     for k in findings.distinct(results, order, count):
         table.append(
             [f"{value:.4g}" for value in columns["inputs"][k]]
-            + [
-                f"{columns['gain_margin_db'][k]:.2f}",
-                f"{columns['phase_margin_deg'][k]:.1f}",
-                f"{columns['modulus_margin'][k]:.3f}",
-            ]
+            + [f"{columns[row.key][k]:.{row.digits}f}" for row in OBJECTIVES.values()]
             + ["yes" if columns["stable"][k] == 1 else "NO"]
         )
     widths = [max(len(row[j]) for row in table) for j in range(len(heads))]

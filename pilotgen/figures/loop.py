@@ -14,6 +14,7 @@ import numpy as np
 
 from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, GREY, LIGHT_GREY, LINE_COLORS
+from pilotgen.objectives import GAIN_MARGIN, PHASE_MARGIN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,18 +116,12 @@ def bode(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
 
 
 def margins_text(margins: Margins) -> str:
-    """`closed loop stable; gain margin 6.36 dB at 3.98 Hz; phase margin none (|L| never crosses 1); ...`."""
+    """`closed loop stable; gain margin 6.36 dB at 3.98 Hz; phase margin none (no crossing ...); ...`."""
     state = "closed loop stable" if margins.stable else "closed loop UNSTABLE"
-    gain = _margin(margins.gain_margin_db, "dB", margins.gain_margin_hz, "L never real and negative")
-    phase = _margin(margins.phase_margin_deg, "deg", margins.phase_margin_hz, "|L| never 1")
+    gain = style.typeset(GAIN_MARGIN.text(margins.gain_margin_db, margins.gain_margin_hz))
+    phase = style.typeset(PHASE_MARGIN.text(margins.phase_margin_deg, margins.phase_margin_hz))
     nearest = "modulus margin" if margins.stable else "distance to −1"
     return f"{state};  gain margin {gain};  phase margin {phase};  {nearest} {margins.modulus_margin:.3f}"
-
-
-def _margin(value: float, unit: str, at_hz: float | None, why: str) -> str:
-    if not math.isfinite(value) or at_hz is None:
-        return f"none ({why})"
-    return f"{value:.2f} {unit} at {at_hz:.2f} Hz".replace("-", "−")
 
 
 def _phase_deg(response: ComplexArray, at: int | None = None) -> FloatArray:
@@ -279,7 +274,7 @@ def _draw_margins(axes: Axes, margins: Margins) -> None:
     gain = _nearest(margins, "real axis", margins.gain_margin_hz)
     if gain is not None:
         axes.plot([gain.real, -1.0], [0.0, 0.0], color=style.VERMILLION, linewidth=2.2, zorder=4,
-                  label=f"gain margin {margins.gain_margin_db:.2f} dB".replace("-", "−"))  # fmt: skip
+                  label=style.typeset(f"gain margin {GAIN_MARGIN.text(margins.gain_margin_db)}"))  # fmt: skip
         axes.plot(gain.real, 0.0, "s", color=style.VERMILLION, markerfacecolor="white", markersize=6, zorder=5)
     else:
         axes.plot([], [], " ", label="gain margin: no crossing")
@@ -288,7 +283,7 @@ def _draw_margins(axes: Axes, margins: Margins) -> None:
         start, end = math.pi, math.pi + math.atan2((-phase).imag, (-phase).real)
         arc = np.exp(1j * np.linspace(start, end, 60))
         axes.plot(arc.real, arc.imag, color=style.GREEN, linewidth=2.2, zorder=4,
-                  label=f"phase margin {margins.phase_margin_deg:.1f}°".replace("-", "−"))  # fmt: skip
+                  label=style.typeset(f"phase margin {PHASE_MARGIN.text(margins.phase_margin_deg)}"))  # fmt: skip
         axes.plot(phase.real, phase.imag, "o", color=style.GREEN, markerfacecolor="white", markersize=6, zorder=5)
     else:
         axes.plot([], [], " ", label="phase margin: no crossing")

@@ -15,6 +15,7 @@ import numpy as np
 
 from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, VERMILLION, MarginScale, quantity
+from pilotgen.objectives import GAIN_MARGIN, MODULUS_MARGIN, OBJECTIVES, PHASE_MARGIN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
 
     from pilotgen.runs.results import StudyResults
 
-RULE_OF_THUMB = {"gain_margin_db": 6.0, "phase_margin_deg": 60.0}  # paper, section 3: to be robust, at least these
-MARGINS = ("gain_margin_db", "phase_margin_deg")
-NO_PHASE = "modulus_margin"  # drawn where no pilot has a phase margin
+INSTEAD = MODULUS_MARGIN  # drawn where no pilot has a phase margin
 ONE_PLACE = 0.02  # share of the box that a marker covers
 MARKER_AREA = 16.0  # points^2
 PALE_PERCENTILE = 98.0  # of the gain margins of the first population: the pale end of the colours
@@ -53,8 +52,8 @@ class Curve:
 
 def shown_margins(results: StudyResults) -> tuple[str, str]:
     """The two margins to draw: gain and phase, or gain and modulus if no loop of the study reaches |L| = 1."""
-    phase = results.columns[MARGINS[1]]
-    return MARGINS[0], MARGINS[1] if np.isfinite(phase).any() else NO_PHASE
+    phase = results.columns[PHASE_MARGIN.key]
+    return GAIN_MARGIN.key, PHASE_MARGIN.key if np.isfinite(phase).any() else INSTEAD.key
 
 
 class _Colors:
@@ -64,7 +63,7 @@ class _Colors:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        self.values = results.columns["gain_margin_db"]
+        self.values = results.columns[GAIN_MARGIN.key]
         finite = self.values[np.isfinite(self.values)]
         # a search evaluates bad pilots more often: the first population is the fair one
         fair = self.values[results.members[0]] if len(results.members) else finite
@@ -91,7 +90,7 @@ class _Colors:
         """The colour bar; lines at 0 dB (limit of stability) and at the rule of thumb."""
         bar = figure.colorbar(self.mappable, ax=panels, label="gain margin [dB]", shrink=0.9, pad=0.02, aspect=28)
         low, high = self.mappable.get_clim()
-        for level, color in ((0.0, BLACK), (RULE_OF_THUMB["gain_margin_db"], VERMILLION)):
+        for level, color in ((0.0, BLACK), (GAIN_MARGIN.limit or 0.0, VERMILLION)):
             if low < level < high:
                 bar.ax.axhline(level, color=color, linewidth=1.2)
 
@@ -110,7 +109,7 @@ def _shown_variables(results: StudyResults, most: int = 3) -> list[int]:
     if count <= most:
         return list(range(count))
     rows = _evaluated(results)
-    margin = results.columns["gain_margin_db"][rows]
+    margin = results.columns[GAIN_MARGIN.key][rows]
     finite = np.isfinite(margin)
     inputs = results.columns["inputs"][rows][finite]
     if finite.sum() < 3:
@@ -133,7 +132,7 @@ def _plane(
         scale = MarginScale.of(colors.values[_evaluated(results)])
         colors.scatter(axes, x, scale.place(colors.values[rows]), rows)
         scale.apply(axes)
-        axes.set_ylabel(quantity("gain_margin_db").axis)
+        axes.set_ylabel(quantity(GAIN_MARGIN.key).axis)
         height = scale.place(colors.values)
     else:
         colors.scatter(axes, x, inputs[rows, j], rows)
@@ -248,7 +247,7 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
     x_scale.apply(axes, "x")
     y_scale.apply(axes, "y")
     marked = [
-        scale.mark(axes, RULE_OF_THUMB.get(name), which)
+        scale.mark(axes, OBJECTIVES[name].limit, which)
         for scale, which, name in zip((x_scale, y_scale), "xy", names, strict=True)
     ]
     if any(marked):
@@ -279,7 +278,7 @@ def convergence(results: StudyResults) -> Figure:
             *scale.broken(generations, history[:, 0]), color=VERMILLION, marker=".", markersize=4, label="smallest"
         )
         scale.apply(axes)
-        scale.mark(axes, RULE_OF_THUMB.get(name))
+        scale.mark(axes, OBJECTIVES[name].limit)
         axes.set_xlim(0.5, len(generations) + 0.5)
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel("generation")
@@ -345,7 +344,7 @@ def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | N
             style.variable_limits(axes, "x", results.lower[j], results.upper[j])
         for axes in line:
             scale.apply(axes)
-            scale.mark(axes, RULE_OF_THUMB.get(margin_name))
+            scale.mark(axes, OBJECTIVES[margin_name].limit)
         line[0].set_ylabel(quantity(margin_name).axis)
     for axes, name in zip(panels[-1], results.names, strict=True):
         axes.set_xlabel(quantity(name).axis)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from pilotgen.errors import FileError
+from pilotgen.objectives import OBJECTIVES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,15 +85,18 @@ QUANTITIES: dict[str, Quantity] = {
     "pilot_frequency_hz": Quantity("natural frequency", "Hz"),
     "pilot_damping": Quantity("damping ratio", ""),
     "pilot_time_constant_s": Quantity("time constant", "s"),
-    "gain_margin_db": Quantity("gain margin", "dB"),
-    "phase_margin_deg": Quantity("phase margin", "deg"),
-    "modulus_margin": Quantity("modulus margin", ""),
+    **{row.key: Quantity(row.label, row.unit) for row in OBJECTIVES.values()},
 }
 
 
 def quantity(name: str) -> Quantity:
     """The quantity of a study's name; a name without an entry stands for itself."""
     return QUANTITIES.get(name, Quantity(name, ""))
+
+
+def typeset(text: str) -> str:
+    """A number with its unit as print has it: a true minus sign, and the sign for degrees."""
+    return text.replace("-", "−").replace(" deg", "°")
 
 
 P = ParamSpec("P")

@@ -19,9 +19,6 @@ from pilotgen.linear.statespace import ComplexArray, StateSpaceModel
 from pilotgen.loop.crossings import LocusFeatures, Points, locus_features
 from pilotgen.loop.loop import LoopModel
 
-GAIN_MARGIN_CAP_DB = 60.0
-PHASE_MARGIN_CAP_DEG = 180.0
-
 _TWO_PI = 2.0 * math.pi
 _EPS = float(np.finfo(float).eps)
 
@@ -100,17 +97,6 @@ class Margins:
     def disk_phase_margin_deg(self) -> float:
         """Phase change, lead or lag [deg], that the disk margin guarantees."""
         return math.degrees(2.0 * math.atan(0.5 * self.disk_margin))
-
-    def objectives(self) -> tuple[float, float]:
-        """Gain margin [dB] and phase margin [deg] capped to +-60 dB and +-180 deg, for ranking (smaller is worse)."""
-        gain = max(-GAIN_MARGIN_CAP_DB, min(GAIN_MARGIN_CAP_DB, self.gain_margin_db))
-        phase = max(-PHASE_MARGIN_CAP_DEG, min(PHASE_MARGIN_CAP_DEG, self.phase_margin_deg))
-        return gain, phase
-
-    @property
-    def objective_sum(self) -> float:
-        """The paper's scalar J = gain margin [dB] + phase margin [deg], capped."""
-        return sum(self.objectives())
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-ready values; None where a margin or frequency is infinite or absent."""

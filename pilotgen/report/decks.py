@@ -15,6 +15,7 @@ import numpy as np
 from pilotgen.errors import FileError
 from pilotgen.evaluation import EvaluationContext, evaluate
 from pilotgen.files import to_json, write_text
+from pilotgen.objectives import GAIN_MARGIN
 from pilotgen.report.findings import distinct, worst_order
 from pilotgen.runs.results import StudyResults
 
@@ -46,7 +47,7 @@ def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECK
     if len(different) <= most:
         return FrontDecks(different, len(different))
     worst, others = different[:1], different[1:]
-    others = others[np.argsort(results.columns["gain_margin_db"][others], kind="stable")]
+    others = others[np.argsort(results.columns[GAIN_MARGIN.key][others], kind="stable")]
     spread = np.unique(np.linspace(0, len(others) - 1, most - 1).round().astype(int))
     return FrontDecks(np.concatenate([worst, others[spread]]), len(different))
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.figures.study import MARGINS, RULE_OF_THUMB, Curve
-from pilotgen.figures.style import quantity
+from pilotgen.figures.study import Curve
+from pilotgen.figures.style import quantity, typeset
+from pilotgen.objectives import MARGINS, OBJECTIVES
 from pilotgen.runs.results import StudyResults
-from pilotgen.search.problem import CAPS
 
 SAME_PILOT = 0.05  # share of the box: pilots that differ by no more in any variable count as one in tables
 AT_BOUND = 0.01  # share of the box: this near a bound is at the bound
@@ -30,7 +30,7 @@ def worst_order(results: StudyResults) -> np.ndarray:
     """Indices of the evaluated pilots, worst first: by front, then by gain plus phase margin (capped)."""
     columns = results.columns
     ok = np.flatnonzero(columns["status"] == "ok")
-    capped = [np.clip(columns[name][ok], -CAPS[name], CAPS[name]) for name in MARGINS]
+    capped = [np.clip(columns[row.key][ok], -row.cap, row.cap) for row in MARGINS]
     front = columns["rank"][ok] if "rank" in columns else np.zeros(len(ok), dtype=np.int64)
     order: np.ndarray = ok[np.lexsort((capped[0] + capped[1], front))]
     return order
@@ -79,26 +79,13 @@ def number(value: float, digits: int) -> str:
 
 def margin_text(results: StudyResults, name: str, index: int) -> str:
     """`4.50 dB at 2.81 Hz`, or that there is no crossing."""
-    return margin_words(name, float(results.columns[name][index]), float(results.columns[_HZ[name]][index]))
+    columns = results.columns
+    return margin_words(name, float(columns[name][index]), float(columns[OBJECTIVES[name].at][index]))
 
 
-_HZ = {"gain_margin_db": "gain_margin_hz", "phase_margin_deg": "phase_margin_hz"}
-_NO_CROSSING = {
-    "gain_margin_db": "none (no crossing of the negative real axis)",
-    "phase_margin_deg": "none (no crossing of the unit circle)",
-}
-
-
-def margin_words(name: str, value: float, at_hz: float) -> str:
-    """A margin in words: its value and frequency, or that there is no crossing."""
-    if not math.isfinite(value):
-        return _NO_CROSSING[name]
-    unit, digits = ("dB", 2) if name == "gain_margin_db" else ("°", 1)
-    return (
-        number(value, digits)
-        + (f" {unit}" if unit == "dB" else unit)
-        + (f" at {at_hz:.2f} Hz" if math.isfinite(at_hz) else "")
-    )
+def margin_words(name: str, value: float, at_hz: float | None = None) -> str:
+    """A margin in words, as print has it: its value and frequency, or that there is no crossing."""
+    return typeset(OBJECTIVES[name].text(value, at_hz))
 
 
 # ---- sentences
@@ -107,7 +94,7 @@ def margin_words(name: str, value: float, at_hz: float) -> str:
 def verdict(results: StudyResults, worst: int, rotorcraft: str) -> str:
     """Who the worst pilot is, and what the loop does with them."""
     stable = results.columns["stable"][worst] == 1
-    gain, phase = (margin_text(results, name, worst) for name in MARGINS)
+    gain, phase = (margin_text(results, row.key, worst) for row in MARGINS)
     return (
         f"The worst pilot has {pilot_text(results, worst)}. With this pilot at the collective of the {rotorcraft} "
         f"the closed loop is {'stable' if stable else 'UNSTABLE'}: gain margin {gain}, phase margin {phase}."
@@ -117,9 +104,9 @@ def verdict(results: StudyResults, worst: int, rotorcraft: str) -> str:
 def rule_of_thumb(results: StudyResults, worst: int) -> list[str]:
     """How far the worst pilot is from 6 dB and 60 deg, and how many pilots are."""
     sentences = []
-    for name in MARGINS:
-        value, wanted = float(results.columns[name][worst]), RULE_OF_THUMB[name]
-        unit, digits = (" dB", 2) if name == "gain_margin_db" else ("°", 1)
+    for row in MARGINS:
+        value, wanted = float(results.columns[row.key][worst]), row.limit or 0.0
+        unit, digits = typeset(f" {row.unit}"), row.digits
         if math.isinf(value) and value > 0.0:
             text = "the worst pilot's loop has no crossing, so the margin is infinite."
         elif math.isinf(value):
@@ -128,7 +115,7 @@ def rule_of_thumb(results: StudyResults, worst: int) -> list[str]:
             text = f"the worst pilot misses {wanted:g}{unit} by {number(wanted - value, digits)}{unit}."
         else:
             text = f"even the worst pilot keeps {wanted:g}{unit}, with {number(value - wanted, digits)}{unit} to spare."
-        sentences.append(f"{quantity(name).name.capitalize()}: {text}")
+        sentences.append(f"{row.label.capitalize()}: {text}")
     return sentences + _shares(results)
 
 
@@ -139,7 +126,7 @@ def _shares(results: StudyResults) -> list[str]:
     rows = rows[columns["status"][rows] == "ok"]
     if not len(rows):
         return []
-    counts = [int((columns[name][rows] < RULE_OF_THUMB[name]).sum()) for name in MARGINS]
+    counts = [int((columns[row.key][rows] < (row.limit or 0.0)).sum()) for row in MARGINS]
     unstable = int((columns["stable"][rows] == 0).sum())
     who = "first population, spread evenly over the box" if len(results.members) else "sample"
     return [
@@ -190,20 +177,20 @@ def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve]) 
     Worse: neither margin is larger, and one is smaller by at least `TELLING`. Nothing is said if the study minimises
     something else than these margins.
     """
-    if not set(MARGINS) <= set(results.objective_names):
+    if not {row.key for row in MARGINS} <= set(results.objective_names):
         return ""
-    own = np.array([[np.clip(results.columns[name][worst], -CAPS[name], CAPS[name])] for name in MARGINS])
+    own = np.array([[row.capped(float(results.columns[row.key][worst]))] for row in MARGINS])
     found = []
     for curve in curves:
-        capped = np.stack([np.clip(curve.margins[name], -CAPS[name], CAPS[name]) for name in MARGINS])
+        capped = np.stack([np.clip(curve.margins[row.key], -row.cap, row.cap) for row in MARGINS])
         loss = np.nan_to_num(own - capped, nan=-1.0)  # (2, k); positive where the pilot on the curve is worse
         largest = np.where((loss >= 0.0).all(axis=0), loss.max(axis=0), 0.0)
         k = int(np.argmax(largest))
         if largest[k] >= TELLING:
             told = [
-                f"{quantity(name).name} {margin_words(name, float(curve.margins[name][k]), math.nan)}"
-                for name in MARGINS
-                if math.isfinite(curve.margins[name][k])
+                f"{row.label} {margin_words(row.key, float(curve.margins[row.key][k]))}"
+                for row in MARGINS
+                if math.isfinite(curve.margins[row.key][k])
             ]
             found.append(f"{quantity(curve.name).text(float(curve.values[k]))} ({', '.join(told)})")
     if not found:
@@ -224,7 +211,7 @@ class Trend:
     @property
     def sentence(self) -> str:
         """`The gain margin falls clearly with rising body mass index.`"""
-        value = self.correlation["gain_margin_db"]
+        value = self.correlation[MARGINS[0].key]
         label = quantity(self.name).name
         if math.isnan(value):
             return f"Nothing can be said about the {label}."
@@ -249,9 +236,9 @@ def trends(results: StudyResults) -> list[Trend]:
     columns = results.columns
     rows = results.members[0] if len(results.members) else np.arange(len(columns["status"]))
     rows = rows[columns["status"][rows] == "ok"]
-    capped = {name: np.clip(columns[name][rows], -CAPS[name], CAPS[name]) for name in MARGINS}
+    capped = {row.key: np.clip(columns[row.key][rows], -row.cap, row.cap) for row in MARGINS}
     return [
-        Trend(variable, {name: _spearman(columns["inputs"][rows, j], capped[name]) for name in MARGINS})
+        Trend(variable, {name: _spearman(columns["inputs"][rows, j], margin) for name, margin in capped.items()})
         for j, variable in enumerate(results.names)
     ]
 
@@ -272,7 +259,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
 
 def curve_sentence(curve: Curve) -> str:
     """`For the worst pilot, it alone moves the gain margin between −4.50 and 2.79 dB.`"""
-    margin = curve.margins["gain_margin_db"]
+    margin = curve.margins[MARGINS[0].key]
     if np.isnan(margin).all():
         return ""
     low, high = float(np.nanmin(margin)), float(np.nanmax(margin))

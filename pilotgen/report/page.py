@@ -17,7 +17,8 @@ import numpy as np
 from pilotgen.evaluation import Evaluation, FailedEvaluation
 from pilotgen.figures import loop as loop_figures
 from pilotgen.figures import study as study_figures
-from pilotgen.figures.style import png, quantity
+from pilotgen.figures.style import png, quantity, typeset
+from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
 from pilotgen.report import findings
 from pilotgen.report.findings import number, replay_command
 from pilotgen.runs.results import StudyResults
@@ -97,7 +98,7 @@ def render(
             "rule": findings.rule_of_thumb(results, worst),
             "bounds": [bound.sentence for bound in findings.bounds_met(results, worst, front)],
             "unfinished": findings.worse_on_curves(results, worst, repeated.curves) if repeated else "",
-            "no_phase": study_figures.shown_margins(results) != study_figures.MARGINS,
+            "no_phase": PHASE_MARGIN.key not in study_figures.shown_margins(results),
             "trends": [
                 (trend, findings.curve_sentence(curve) if curve else "")
                 for trend, curve in zip(
@@ -179,7 +180,7 @@ def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Re
 
 
 def _plane_caption(results: StudyResults) -> str:
-    if study_figures.shown_margins(results) != study_figures.MARGINS:
+    if PHASE_MARGIN.key not in study_figures.shown_margins(results):
         return (
             "Gain against modulus margin (the smallest distance of L from −1). The phase margin is infinite for every "
             "pilot of this study: |L| never reaches 1."
@@ -242,15 +243,10 @@ def _nominal_sentence(study: Study, repeated: Repeated | None) -> str | None:
         return (
             f"The nominal pilot ({values}) could not be evaluated: {repeated.nominal.stage}: {repeated.nominal.reason}"
         )
-    margins = repeated.nominal.margins
-    gain = findings.margin_words("gain_margin_db", margins.gain_margin_db, _or_nan(margins.gain_margin_hz))
-    phase = findings.margin_words("phase_margin_deg", margins.phase_margin_deg, _or_nan(margins.phase_margin_hz))
-    state = "stable" if margins.stable else "UNSTABLE"
-    return f"For comparison, the nominal pilot ({values}): {state}, gain margin {gain}, phase margin {phase}."
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value
+    loop = repeated.nominal.result["loop"]
+    state = "stable" if loop["stable"] else "UNSTABLE"
+    told = typeset(margins_text(repeated.nominal.result))
+    return f"For comparison, the nominal pilot ({values}): {state}, {told}."
 
 
 def _front_ranges(results: StudyResults, front: np.ndarray) -> str | None:
@@ -271,15 +267,19 @@ def _worst_table(results: StudyResults, order: np.ndarray) -> dict[str, Any]:
     chosen = findings.distinct(results, order, TABLE_ROWS)
     derived = [name for name in DERIVED if name not in results.names and np.isfinite(columns[name][chosen]).any()]
     heads = [quantity(name).axis for name in results.names] + [DERIVED[name][0] for name in derived]
-    heads += ["gain margin [dB]", "at [Hz]", "phase margin [deg]", "at [Hz]", "modulus margin", "closed loop"]
+    for row in OBJECTIVES.values():
+        heads += [row.heading] + (["at [Hz]"] if row in MARGINS else [])
+    heads.append("closed loop")
     lines = []
     for k in chosen.tolist():
         cells = [f"{value:.4g}" for value in columns["inputs"][k]]
         cells += [number(float(columns[name][k]), DERIVED[name][1]) for name in derived]
-        for name, at, digits in (("gain_margin_db", "gain_margin_hz", 2), ("phase_margin_deg", "phase_margin_hz", 1)):
-            margin, hz = float(columns[name][k]), float(columns[at][k])
-            cells += [number(margin, digits), number(hz, 2) if np.isfinite(hz) else "–"]
-        cells += [number(float(columns["modulus_margin"][k]), 3), "stable" if columns["stable"][k] == 1 else "UNSTABLE"]
+        for row in OBJECTIVES.values():
+            cells.append(number(float(columns[row.key][k]), row.digits))
+            if row in MARGINS:
+                hz = float(columns[row.at][k])
+                cells.append(number(hz, 2) if np.isfinite(hz) else "–")
+        cells.append("stable" if columns["stable"][k] == 1 else "UNSTABLE")
         lines.append({"cells": cells, "replay": replay_command(results.names, columns["inputs"][k], STUDY_FILE)})
     return {"heads": heads, "lines": lines}
 

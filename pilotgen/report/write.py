@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
-from pilotgen.figures.study import MARGINS, NO_PHASE, Curve
+from pilotgen.figures.study import Curve
 from pilotgen.files import write_text
+from pilotgen.objectives import MARGINS, OBJECTIVES
 from pilotgen.report import decks, findings, page
 from pilotgen.report.repeated import Repeated
 from pilotgen.runs.batch import RESULTS_NAME
@@ -81,7 +82,7 @@ def _repeat(context: EvaluationContext, results: StudyResults, worst: int) -> Re
     values = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
     again = evaluate(context, context.study.values(values))
     same = isinstance(again, Evaluation) and all(
-        _equal(getattr(again.margins, name), float(results.columns[name][worst])) for name in MARGINS
+        _equal(row.of(again.result), float(results.columns[row.key][worst])) for row in MARGINS
     )
     return Repeated(
         evaluate(context, context.study.nominal),
@@ -105,10 +106,9 @@ def one_at_a_time(
     """Margins of pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
     name = results.names[column]
     grid = np.unique(np.append(np.linspace(results.lower[column], results.upper[column], points), values[name]))
-    names = (*MARGINS, NO_PHASE)
-    margins = np.full((len(names), len(grid)), np.nan)
+    margins = np.full((len(OBJECTIVES), len(grid)), np.nan)
     for k, value in enumerate(grid.tolist()):
         outcome = evaluate(context, context.study.values({**values, name: value}))
         if isinstance(outcome, Evaluation):
-            margins[:, k] = [getattr(outcome.margins, margin) for margin in names]
-    return Curve(name, grid, dict(zip(names, margins, strict=True)))
+            margins[:, k] = [row.of(outcome.result) for row in OBJECTIVES.values()]
+    return Curve(name, grid, dict(zip(OBJECTIVES, margins, strict=True)))

@@ -15,32 +15,55 @@ from typing import Any
 import numpy as np
 
 from pilotgen.errors import FileError
+from pilotgen.objectives import OBJECTIVES, Objective
 
 FILETYPE = "pilotgen study"
-VERSION = (1, 0)
+VERSION = (1, 1)
 CHUNK_ROWS = 1024  # rows per HDF5 chunk
 
-# dataset name -> path in the result object; missing or null becomes NaN
-SCALARS: dict[str, tuple[str, ...]] = {
-    "modulus_margin": ("loop", "modulus_margin"),
-    "modulus_margin_hz": ("loop", "modulus_margin_hz"),
-    "pilot_frequency_hz": ("bdft", "dominant_frequency_hz"),
-    "pilot_damping": ("bdft", "dominant_damping"),
-    "certificate": ("bdft", "certificate"),
-    "largest_activation": ("activation", "largest"),
-    "age_years": ("biometrics", "age_years"),
-    "stature_m": ("biometrics", "stature_m"),
-    "mass_kg": ("biometrics", "mass_kg"),
-    "bmi": ("biometrics", "bmi"),
+
+@dataclass(frozen=True)
+class Column:
+    """A number of the result object that is a dataset of /evaluations; NaN where it is absent."""
+
+    path: tuple[str, ...]
+    infinite: bool = False  # null means that nothing limits
+
+
+# Beside these every objective, and its frequency, has a column (pilotgen/objectives.py).
+COLUMNS: dict[str, Column] = {
+    "pilot_frequency_hz": Column(("bdft", "dominant_frequency_hz")),
+    "pilot_damping": Column(("bdft", "dominant_damping")),
+    "grip_motion_3hz_mm_per_m_s2": Column(("bdft", "grip_motion_3hz_mm_per_m_s2")),
+    "certificate": Column(("bdft", "certificate")),
+    "largest_activation": Column(("activation", "largest")),
+    "age_years": Column(("biometrics", "age_years")),
+    "stature_m": Column(("biometrics", "stature_m")),
+    "mass_kg": Column(("biometrics", "mass_kg")),
+    "bmi": Column(("biometrics", "bmi")),
+    "delay_margin_s": Column(("loop", "delay_margin_s"), infinite=True),
 }
-# margins: null in the result object means infinite
-MARGINS: dict[str, tuple[str, ...]] = {
-    "gain_margin_db": ("loop", "gain_margin_db"),
-    "gain_margin_hz": ("loop", "gain_margin_hz"),
-    "phase_margin_deg": ("loop", "phase_margin_deg"),
-    "phase_margin_hz": ("loop", "phase_margin_hz"),
-    "delay_margin_s": ("loop", "delay_margin_s"),
-}
+
+# How names end -> unit; the longest that fits counts. A number without a unit in its name has none.
+_UNITS = {
+    "years": "years", "bmi": "kg/m^2", "m": "m", "mm": "mm", "kg": "kg", "s": "s", "hz": "Hz", "deg": "deg", "db": "dB",
+    "rad": "rad", "n": "N", "n_m": "N m", "rad_s": "rad/s", "m_s": "m/s", "m_s2": "m/s^2", "rad_per_m": "rad/m",
+    "n_per_m": "N/m", "n_s_per_m": "N s/m", "n_m_per_rad": "N m/rad", "n_m_s_per_rad": "N m s/rad",
+    "kg_m": "kg m", "kg_m2": "kg m^2", "m2": "m^2", "mm_per_m_s2": "mm s^2/m",
+}  # fmt: skip
+
+
+_WITHOUT_UNIT = ("generation", "individual", "status", "stage", "reason", "rank", "stable")  # counts and words
+
+
+def unit_of(name: str) -> str:
+    """Unit that the end of a name tells, `1` for none: `gearing_rad_per_m` -> `rad/m`."""
+    words = name.rsplit(".", 1)[-1].lower().split("_")
+    for first in range(len(words)):
+        unit = _UNITS.get("_".join(words[first:]))
+        if unit is not None:
+            return unit
+    return "1"
 
 
 @dataclass(frozen=True)
@@ -67,14 +90,22 @@ class StudyResults:
     front: np.ndarray
 
 
-def _dig(result: Mapping[str, Any], path: Sequence[str], missing: float) -> float:
+def _number(result: Mapping[str, Any], column: Column) -> float:
     value: Any = result
     try:
-        for key in path:
+        for key in column.path:
             value = value[key]
     except (KeyError, TypeError):  # not there, or nothing that has parts
         return math.nan
-    return missing if value is None else float(value)
+    return (math.inf if column.infinite else math.nan) if value is None else float(value)
+
+
+def _objective(result: Mapping[str, Any], row: Objective) -> tuple[float, float]:
+    """Value and frequency; an infinite margin is found at an infinite frequency."""
+    if result["status"] != "ok":
+        return math.nan, math.nan
+    at_hz = result[row.section].get(row.at)
+    return row.of(result), math.inf if at_hz is None else float(at_hz)
 
 
 def columns_of(
@@ -110,10 +141,13 @@ def columns_of(
             dtype=np.int64,
         ),
     }
-    for name, path in SCALARS.items():
-        columns[name] = np.array([_dig(row.result, path, math.nan) for row in rows], dtype=float)
-    for name, path in MARGINS.items():
-        columns[name] = np.array([_dig(row.result, path, math.inf) for row in rows], dtype=float)
+    for row in OBJECTIVES.values():
+        found = np.array([_objective(one.result, row) for one in rows], dtype=float).reshape(len(rows), 2)
+        columns[row.key] = found[:, 0]
+        if row.at:
+            columns[row.at] = found[:, 1]
+    for name, column in COLUMNS.items():
+        columns[name] = np.array([_number(one.result, column) for one in rows], dtype=float)
     return columns
 
 
@@ -160,8 +194,9 @@ class ResultsWriter:
             self._file.attrs[key] = value
         variables = self._file.create_group("variables")
         variables.create_dataset("name", data=np.array(list(names), dtype=object), dtype=self._text)
-        variables.create_dataset("lower", data=np.asarray(lower, dtype=float))
-        variables.create_dataset("upper", data=np.asarray(upper, dtype=float))
+        units = np.array([unit_of(name) for name in names], dtype=object)
+        for side, bound in (("lower", lower), ("upper", upper)):
+            variables.create_dataset(side, data=np.asarray(bound, dtype=float)).attrs["units"] = units
         self._evaluations = self._file.create_group("evaluations", track_order=True)
 
     def _explain(self, error: OSError) -> FileError:
@@ -185,6 +220,12 @@ class ResultsWriter:
                     )
                     if key == "objectives":
                         group[key].attrs["names"] = np.array(list(self._objective_names), dtype=object)
+                    if key in _WITHOUT_UNIT:
+                        continue
+                    several = {"inputs": self.names, "objectives": self._objective_names}.get(key)
+                    group[key].attrs["units"] = (
+                        unit_of(key) if several is None else np.array([unit_of(name) for name in several], dtype=object)
+                    )
                 else:
                     old = len(group[key])
                     group[key].resize(old + len(data), axis=0)

@@ -13,7 +13,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from pilotgen.search.algorithm import SearchResult
 from pilotgen.search.genetic import GeneticSearch
-from pilotgen.search.problem import Problem, ranked_objectives
+from pilotgen.search.problem import Problem
 from pilotgen.search.search import make_search, run_search
 
-__all__ = ["GeneticSearch", "Problem", "SearchResult", "make_search", "ranked_objectives", "run_search"]
+__all__ = ["GeneticSearch", "Problem", "SearchResult", "make_search", "run_search"]

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import StudyError
+from pilotgen.objectives import DEFAULT_OBJECTIVES, OBJECTIVES
 from pilotgen.study.rotorcraft import Rotorcraft, load_rotorcraft
 from pilotgen.study.schema import (
     Choice,
@@ -50,12 +51,6 @@ BODY_VARIABLES = ("age_years", "mass_kg", "bmi", "stature_m")  # of mass_kg and 
 MAYO_PRESETS: Mapping[str, Mapping[str, float]] = {  # Mayo (1989), as in Table 2 of the reference paper
     "ectomorphic": {"pilot_frequency_hz": 3.380, "pilot_damping": 0.320, "pilot_time_constant_s": 0.117},
     "mesomorphic": {"pilot_frequency_hz": 3.750, "pilot_damping": 0.280, "pilot_time_constant_s": 0.107},
-}
-
-OBJECTIVES: Mapping[str, str] = {  # all are minimised: the search looks for the worst pilot
-    "gain_margin_db": "gain margin [dB], negative if the closed loop is unstable, capped at 60 dB",
-    "phase_margin_deg": "phase margin [deg], negative if the closed loop is unstable, capped at 180 deg",
-    "modulus_margin": "smallest distance of the loop from the critical point, min |1 + L| [-], negative if unstable",
 }
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -344,7 +339,7 @@ def _search(value: Value, model: str, nominal: Mapping[str, float]) -> SearchSet
     keys = check_keys(value, ("variables", "objectives", *SEARCH_FIELDS), ("variables", "population", "generations"))
     plain = read_fields(value, SEARCH_FIELDS, partly=True)
     variables = _bounds(keys["variables"], model, nominal)
-    objectives = _words(keys["objectives"], tuple(OBJECTIVES)) if "objectives" in keys else tuple(OBJECTIVES)[:2]
+    objectives = _words(keys["objectives"], tuple(OBJECTIVES)) if "objectives" in keys else DEFAULT_OBJECTIVES
     if plain["stop_rank_one_fraction"] == 0.0:
         raise keys["stop_rank_one_fraction"].error("would stop at once; write null to run all generations")
     if plain["algorithm"] == "nsga2" and plain["population"] % 2:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import FileError
-from pilotgen.runs.results import Row, columns_of, read_results, write_results
+from pilotgen.runs.results import Row, columns_of, read_results, unit_of, write_results
 
 NAMES = ("bmi", "stature_m")
 
@@ -64,6 +64,29 @@ def test_round_trip(tmp_path: Path) -> None:
     assert np.isnan(results.columns["phase_margin_deg"][1])  # failed
     assert results.columns["reason"][1].startswith("elbow")
     np.testing.assert_array_equal(results.members, [[0, 1]])
+
+
+def test_every_number_says_its_unit(tmp_path: Path) -> None:
+    _write(tmp_path / "study.h5")
+    with h5py.File(tmp_path / "study.h5") as file:
+        group = file["evaluations"]
+        assert group["gain_margin_db"].attrs["units"] == "dB" and group["delay_margin_s"].attrs["units"] == "s"
+        assert group["objectives"].attrs["units"].tolist() == ["dB", "deg"]
+        assert group["inputs"].attrs["units"].tolist() == file["variables/lower"].attrs["units"].tolist()
+        plain = {"generation", "individual", "status", "stage", "reason", "rank", "stable"}
+        assert {name for name, dataset in group.items() if "units" not in dataset.attrs} == plain
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("stature_m", "m"), ("bmi", "kg/m^2"), ("inceptor.gearing_rad_per_m", "rad/m"), ("washout_rad_s", "rad/s"),
+        ("pilot.torso.buttocks.vertical_n_per_m", "N/m"), ("pilot_damping", "1"), ("modulus_margin", "1"),
+        ("grip_motion_3hz_mm_per_m_s2", "mm s^2/m"), ("cockpit.lever.inertia_kg_m2", "kg m^2"),
+    ],
+)  # fmt: skip
+def test_a_name_ends_with_its_unit(name: str, unit: str) -> None:
+    assert unit_of(name) == unit
 
 
 def test_same_results_same_bytes(tmp_path: Path) -> None:

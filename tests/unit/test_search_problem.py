@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pilotgen.search.problem import Problem, ranked_objectives
-from pilotgen.study.study import OBJECTIVES, read_study
+from pilotgen.objectives import OBJECTIVES, ranked_objectives
+from pilotgen.search.problem import Problem
+from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 BOTH = ("gain_margin_db", "phase_margin_deg")
@@ -27,18 +28,20 @@ def test_problem_of_a_study_keeps_the_order_of_the_file() -> None:
 
 def test_margins_are_capped_for_ranking_only() -> None:
     stable = {"stable": True, "gain_margin_db": 6.4, "phase_margin_deg": None, "modulus_margin": 0.5}
-    assert ranked_objectives(stable, BOTH) == [6.4, 180.0]
-    assert ranked_objectives({**stable, "gain_margin_db": 75.0}, BOTH) == [60.0, 180.0]
-    assert ranked_objectives({**stable, "gain_margin_db": float("inf")}, BOTH) == [60.0, 180.0]
-    assert ranked_objectives(stable, ("modulus_margin", "gain_margin_db")) == [0.5, 6.4]
+    assert ranked_objectives({"loop": stable}, BOTH) == [6.4, 180.0]
+    assert ranked_objectives({"loop": {**stable, "gain_margin_db": 75.0}}, BOTH) == [60.0, 180.0]
+    assert ranked_objectives({"loop": {**stable, "gain_margin_db": float("inf")}}, BOTH) == [60.0, 180.0]
+    assert ranked_objectives({"loop": stable}, ("modulus_margin", "gain_margin_db")) == [0.5, 6.4]
 
 
 def test_an_unstable_loop_is_always_worse_than_a_stable_one() -> None:
     unstable = {"stable": False, "gain_margin_db": None, "phase_margin_deg": -12.0, "modulus_margin": 0.5}
-    assert ranked_objectives(unstable, BOTH) == [-60.0, -12.0]
-    assert ranked_objectives(unstable, ("modulus_margin",)) == [-0.5]
+    assert ranked_objectives({"loop": unstable}, BOTH) == [-60.0, -12.0]
+    assert ranked_objectives({"loop": unstable}, ("modulus_margin",)) == [-0.5]
 
 
 def test_every_objective_of_the_study_file_can_be_ranked() -> None:
-    loop = dict.fromkeys(OBJECTIVES, 1.0)
-    assert len(ranked_objectives({"stable": True, **loop}, tuple(OBJECTIVES))) == len(OBJECTIVES)
+    result: dict[str, dict[str, float]] = {"loop": {"stable": True}}
+    for row in OBJECTIVES.values():
+        result.setdefault(row.section, {})[row.key] = 1.0
+    assert len(ranked_objectives(result, tuple(OBJECTIVES))) == len(OBJECTIVES)
