@@ -55,6 +55,14 @@ def test_beyond_the_travel_the_rest_remains_and_is_reported() -> None:
     assert fixed.eye_mismatch_m[1] == pytest.approx(cockpit.eye_mismatch_m[1] + 0.065)
 
 
+def test_small_pilots_are_lifted_and_moved_until_the_travel_ends() -> None:
+    cockpit = make_cockpit(body_of(1.45), lever_length_m=0.32, position=0.5)
+    assert cockpit.seat_shift_m[1] == 0.065  # upward, all of it
+    assert cockpit.eye_mismatch_m[1] < -0.005
+    fixed = make_cockpit(body_of(1.45), lever_length_m=0.32, position=0.5, seat="fixed")
+    assert cockpit.torso["left"][0][:2] - fixed.torso["left"][0][:2] == pytest.approx(cockpit.seat_shift_m)
+
+
 def test_the_two_shoulders_are_mirror_images(mean_man: Body) -> None:
     torso = make_cockpit(mean_man, lever_length_m=0.32, position=0.5).torso
     assert np.array_equal(torso["left"][0] * [1, 1, -1], torso["right"][0])

@@ -378,3 +378,26 @@ def test_long_fronts_are_thinned_along_their_length(tmp_path: Path):
     gains = results.columns["gain_margin_db"]
     different = findings.distinct(results, findings.worst_order(results), 60, share=0.0)
     assert gains[chosen.pilots].max() == gains[different].max()  # both ends of it
+
+
+def test_the_order_of_a_front_adds_the_capped_margins(tmp_path: Path) -> None:
+    results = write_study(tmp_path, mayo_study(1), generations=1, population=8)
+    columns = dict(results.columns)
+    columns["rank"] = np.ones(8, dtype=np.int64)
+    # the first three: sums 43, 41, 42, differences -37, 1, -18; the others are capped at 60 dB and 180 deg
+    columns["gain_margin_db"] = np.array([3.0, 21.0, 12.0, np.inf, 7.0, 60.0, 8.0, -np.inf])
+    columns["phase_margin_deg"] = np.array([40.0, 20.0, 30.0, 100.0, np.inf, 99.0, 179.0, -50.0])
+    order = findings.worst_order(dataclasses.replace(results, columns=columns))
+    assert order.tolist() == [7, 1, 2, 0, 5, 3, 4, 6]
+
+
+@pytest.mark.parametrize(
+    ("correlation", "words"),
+    [
+        (0.19, "hardly follows"), (-0.19, "hardly follows"), (0.21, "rises somewhat"), (-0.49, "falls somewhat"),
+        (0.51, "rises clearly"), (-0.51, "falls clearly"), (float("nan"), "Nothing can be said"),
+    ],
+)  # fmt: skip
+def test_trends_are_called_by_their_strength(correlation: float, words: str) -> None:
+    trend = findings.Trend("stature_m", {"gain_margin_db": correlation, "phase_margin_deg": 0.0})
+    assert words in trend.sentence

@@ -110,6 +110,33 @@ def test_polynomial_mutation_stays_inside_and_is_mostly_small() -> None:
     assert abs(step.mean()) < 5 * step.std() / np.sqrt(step.size)
 
 
+class Drawn:
+    """A random generator that draws what it is told."""
+
+    def __init__(self, u: float) -> None:
+        self.u = u
+
+    def random(self, shape: tuple[int, ...]) -> np.ndarray:
+        return np.full(shape, self.u)
+
+
+@pytest.mark.parametrize("place", [0.02, 0.3, 0.97])
+@pytest.mark.parametrize("u", [0.0, 0.1, 0.4, 0.5, 0.6, 0.9, 1.0])
+def test_mutation_near_a_bound_follows_the_truncated_density(place: float, u: float) -> None:
+    # density (1 - |d|)^eta of the step d in widths, each side cut at its bound and given half of the probability
+    x = XL + place * (XU - XL)
+    step = ((operators.polynomial_mutation(x[None], XL, XU, Drawn(u))[0] - x) / (XU - XL))[0]  # type: ignore[arg-type]
+    room = place if u < 0.5 else 1.0 - place
+    d = np.linspace(0.0, room, 200_001)
+    density = (1.0 - d) ** operators.MUTATION_ETA
+    share = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))))
+    nearer = np.interp(abs(step), d, share / share[-1])  # of the side's probability lies nearer than the step
+    if place in (0.02, 0.97) or u not in (0.0, 1.0):  # far from the bounds the tail is too thin to invert
+        assert nearer == pytest.approx(abs(1.0 - 2.0 * u), abs=1e-6)
+    if u in (0.0, 1.0):
+        assert abs(step) == pytest.approx(room, rel=1e-6)
+
+
 def test_mutation_touches_one_variable_of_ten_per_cent() -> None:
     X = population(50_000)
     changed = operators.mutate_some(X, XL, XU, 0.10, rng(6)) != X
