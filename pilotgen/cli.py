@@ -1,7 +1,7 @@
 """The command line: parse, call one command, turn errors into one sentence and an exit code.
 
 Exit codes: 0 done as asked; 1 wrong input or an unusable file; 2 the pilot or study could not be evaluated;
-3 `compare` found a difference; 70 an error inside pilotgen; 130 interrupted.
+3 `compare` found a difference or `check-mbdyn` a deck that fails; 70 an error inside pilotgen; 130 interrupted.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -21,7 +21,7 @@ from typing import NoReturn
 from pilotgen import __version__
 from pilotgen.errors import EvaluationError, PilotgenError
 
-COMMANDS = ("pilot", "decks", "search", "sample", "compare", "rotorcraft", "calibrate", "identify", "report")
+COMMANDS = ("pilot", "decks", "search", "sample", "compare", "check-mbdyn", "rotorcraft", "calibrate", "identify", "report")
 
 # New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.
 COLLECTOR_THRESHOLD = 10_000
@@ -51,7 +51,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"pilotgen {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        importlib.import_module(f"pilotgen.commands.{name}").add_parser(commands)
+        importlib.import_module(f"pilotgen.commands.{name.replace('-', '_')}").add_parser(commands)
     return parser
 
 

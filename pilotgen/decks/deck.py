@@ -380,22 +380,14 @@ def render_direct(
     )
 
 
-def _analysis(c: float, time_step_s: float, *, equilibrium: bool, final_time_s: float = TIME_STEP_S) -> dict[str, str]:
-    analysis = {
+def _analysis(c: float, time_step_s: float, *, equilibrium: bool, final_time_s: float = TIME_STEP_S) -> dict[str, Any]:
+    return {
         "final_time": number(final_time_s),
         "time_step": number(time_step_s),
         "parameter": number(2.0 * c),
         "c": number(c),
+        "equilibrium": equilibrium,
     }
-    if equilibrium:
-        analysis["derivatives_tolerance"] = "1.e-9"
-        analysis["derivatives_comment"] = "reachable because the state is an equilibrium"
-        analysis["derivatives_coefficient"] = "1."
-    else:
-        analysis["derivatives_tolerance"] = "1.e-1"
-        analysis["derivatives_comment"] = "loose: the arm falls, and the unbalanced forces limit what can be reached"
-        analysis["derivatives_coefficient"] = "1.e-2"
-    return analysis
 
 
 @_Latest
@@ -427,7 +419,7 @@ def _render_pilot(
     values: np.ndarray,
     lengths: np.ndarray,
     gains: Gains,
-    analysis: Mapping[str, str],
+    analysis: Mapping[str, Any],
     activation_comment: str,
     activation_check: bool,
     seat_drive: str,

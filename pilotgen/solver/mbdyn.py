@@ -96,8 +96,20 @@ def run_mbdyn(
     )
 
 
+_LAST_WORDS = "an error occurred during the execution of mbdyn"  # MBDyn's last line, whatever the reason was
+
+
 def _mbdyn_words(text: str) -> str:
-    """The line of MBDyn's output that says most about a failure: the last one with `error`, else the last one."""
+    """The line of MBDyn's output that tells why it ended.
+
+    MBDyn ends with a sentence that gives no reason; the reason stands some lines above it, after the names of the
+    routines that it passed through.
+    """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    errors = [line for line in lines if "error" in line.lower()]
-    return (errors or lines or ["no message"])[-1][:300]
+    while lines and lines[-1].lower().startswith(_LAST_WORDS):
+        lines.pop()
+    reasons = [line for line in lines if any(word in line.lower() for word in _REASON_WORDS)]
+    return (reasons or lines or ["no message"])[-1][:300]
+
+
+_REASON_WORDS = ("error", "does not converge", "reached maximum", "unable", "not supported", "unknown", "aborting")

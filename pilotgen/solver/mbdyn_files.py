@@ -309,10 +309,10 @@ def _m_scalar(path: str, text: str, name: str) -> float:
 
 
 def _m_numbers(path: str, text: str, name: str) -> Floats:
-    """Return the bracketed matrix assigned to `name`, one row per semicolon."""
+    """Return the bracketed matrix assigned to `name`: a row ends with a semicolon, in sparse lists with the line."""
     match = re.search(rf"\b{name}\s*=\s*(?:int32\()?\[([^\]]*)\]", text)
     body = match[1] if match else str(_missing(path, name))
-    rows = [row.split() for row in body.split(";") if row.strip()]
+    rows = [row.split() for row in body.split(";" if ";" in body else "\n") if row.strip()]
     if len({len(row) for row in rows}) > 1:
         raise MatrixError(f"{path}: the rows of {name} do not all have the same number of entries")
     try:
