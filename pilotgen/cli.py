@@ -21,7 +21,18 @@ from typing import NoReturn
 from pilotgen import __version__
 from pilotgen.errors import EvaluationError, PilotgenError
 
-COMMANDS = ("pilot", "decks", "search", "sample", "compare", "check-mbdyn", "rotorcraft", "calibrate", "identify", "report")
+COMMANDS = (
+    "pilot",
+    "decks",
+    "search",
+    "sample",
+    "compare",
+    "check-mbdyn",
+    "rotorcraft",
+    "calibrate",
+    "identify",
+    "report",
+)
 
 # New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.
 COLLECTOR_THRESHOLD = 10_000

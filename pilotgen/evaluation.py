@@ -45,8 +45,8 @@ POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
 DECK_NAMES = (POSTURE_DECK, TRIM_DECK, PILOT_DECK)
 
 EQUILIBRIUM_LIMIT = 1e-6  # N, N m: a larger residual is no equilibrium and its linearisation means nothing
-# Residual that the posture is solved to: round-off. Constraints that stay open by 1e-13 m would have MBDyn's derivatives
-# phase fail on the pilot's deck (docs/io_formats/deck.md); one more Newton step closes them to 1e-16 m.
+# Residual that the posture is solved to: round-off. Constraints that stay open by 1e-13 m would have MBDyn's
+# derivatives phase fail on the pilot's deck (docs/io_formats/deck.md); one more Newton step closes them to 1e-16 m.
 POSTURE_TOLERANCE = 1e-13
 SOLVER_ATTEMPTS = 3  # a solver can be killed from outside; a deck that kills it every time is at fault
 

@@ -20,8 +20,8 @@ def add_parser(commands: Any) -> None:
         commands,
         "check-mbdyn",
         "tell whether MBDyn gets a deck started",
-        "Tell, without MBDyn, whether its initial assembly and its derivatives phase converge on each deck. Exit code 0: "
-        "they do on all, 3: MBDyn would end in one of them.",
+        "Tell, without MBDyn, whether its initial assembly and its derivatives phase converge on each deck. Exit code "
+        "0: they do on all, 3: MBDyn would end in one of them.",
         "pilotgen check-mbdyn results/pilot/posture.mbd results/pilot/pilot.mbd",
     )
     parser.add_argument("decks", metavar="DECK", type=Path, nargs="+")

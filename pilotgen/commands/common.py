@@ -195,7 +195,8 @@ def failure_text(failure: FailedEvaluation, directory: Path) -> str:
     return text + f"\n  decks so far are in {directory}" if any(directory.glob("*.mbd")) else text
 
 
-def replay_command(study: Path, values: Mapping[str, float], directory: str = "replay") -> str:
-    """The command line that evaluates one pilot of a study again."""
+def replay_command(study: Path, values: Mapping[str, float], directory: str = "replay", solver: str = "mbdae") -> str:
+    """The command line that evaluates one pilot of a study again, with the solver that evaluated it."""
     settings = " ".join(f"{name}={value!r}" for name, value in values.items())
-    return f"pilotgen pilot {shlex.quote(str(study))} -o {directory} --set {settings}"
+    other = "" if solver == "mbdae" else f" --solver {solver}"
+    return f"pilotgen pilot {shlex.quote(str(study))} -o {directory}{other} --set {settings}"

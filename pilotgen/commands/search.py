@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
             from pilotgen.report import write_report
 
             write_report(directory, study, rows, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn)
-        print_worst(args.study, directory, campaign, rows)
+        print_worst(args.study, directory, campaign, rows, args.solver)
     return 0 if any(row["status"] == "ok" for row in rows) else 2
 
 
@@ -223,7 +223,9 @@ def progress_text(study: Study, campaign: Batch, generation: int, best: Sequence
     return " | ".join(part for part in parts if part)
 
 
-def print_worst(study_path: Path, directory: Path, campaign: Batch, rows: Sequence[Mapping[str, Any]]) -> None:
+def print_worst(
+    study_path: Path, directory: Path, campaign: Batch, rows: Sequence[Mapping[str, Any]], solver: str = "mbdae"
+) -> None:
     """Print the worst pilots of study.h5, the failures by reason, and where everything is."""
     from pilotgen.runs.batch import RESULTS_NAME, failures_by_reason
     from pilotgen.runs.results import read_results
@@ -239,7 +241,7 @@ def print_worst(study_path: Path, directory: Path, campaign: Batch, rows: Sequen
     for stage, reason, count, example in failures_by_reason(rows)[:5]:
         print(
             f"  {count} failed at {stage}, e.g. {reason}\n    again with: "
-            f"{common.replay_command(study_path, example['values'])}"
+            f"{common.replay_command(study_path, example['values'], solver=solver)}"
         )
     print(f"results: {directory / RESULTS_NAME}")
     if (directory / "report.html").exists():

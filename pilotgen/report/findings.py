@@ -271,10 +271,13 @@ def curve_sentence(curve: Curve) -> str:
 # ---- failures and replay
 
 
-def replay_command(names: Sequence[str], values: Sequence[float], study: str, directory: str = "replay") -> str:
-    """The command line that evaluates one pilot of a study again."""
+def replay_command(
+    names: Sequence[str], values: Sequence[float], study: str, directory: str = "replay", solver: str = "mbdae"
+) -> str:
+    """The command line that evaluates one pilot of a study again, with the solver that evaluated it."""
     settings = " ".join(f"{name}={float(value)!r}" for name, value in zip(names, values, strict=True))
-    return f"pilotgen pilot {shlex.quote(study)} -o {directory} --set {settings}"
+    other = "" if solver == "mbdae" else f" --solver {solver}"
+    return f"pilotgen pilot {shlex.quote(study)} -o {directory}{other} --set {settings}"
 
 
 @dataclass(frozen=True)

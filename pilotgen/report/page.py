@@ -73,6 +73,7 @@ def render(
     rows: Sequence[Mapping[str, Any]] | None,
     repeated: Repeated | None,
     front_decks: FrontDecks | None,
+    solver: str = "mbdae",
 ) -> str:
     """The text of report.html; parameters as gathered by `write_report`."""
     columns = results.columns
@@ -86,7 +87,7 @@ def render(
         "failed": failed,
         "generations": len(results.members),
         "settings": _settings(study, results),
-        "failures": _failure_table(results),
+        "failures": _failure_table(results, solver),
         "extrapolations": None if rows is None else findings.extrapolations(rows),
         "worst": worst,
         "objectives": ", ".join(quantity(name).name for name in results.objective_names),
@@ -107,7 +108,7 @@ def render(
             ],
             "who": _front_ranges(results, front),
             "front_count": len(front),
-            "table": _worst_table(results, order),
+            "table": _worst_table(results, order, solver),
             "pictures": _pictures(results, front, worst, repeated),
             "repeated": repeated,
             "worst_again": repeated.worst if repeated else None,
@@ -262,7 +263,7 @@ def _front_ranges(results: StudyResults, front: np.ndarray) -> str | None:
     return "; ".join(parts)
 
 
-def _worst_table(results: StudyResults, order: np.ndarray) -> dict[str, Any]:
+def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[str, Any]:
     columns = results.columns
     chosen = findings.distinct(results, order, TABLE_ROWS)
     derived = [name for name in DERIVED if name not in results.names and np.isfinite(columns[name][chosen]).any()]
@@ -280,11 +281,13 @@ def _worst_table(results: StudyResults, order: np.ndarray) -> dict[str, Any]:
                 hz = float(columns[row.at][k])
                 cells.append(number(hz, 2) if np.isfinite(hz) else "–")
         cells.append("stable" if columns["stable"][k] == 1 else "UNSTABLE")
-        lines.append({"cells": cells, "replay": replay_command(results.names, columns["inputs"][k], STUDY_FILE)})
+        lines.append(
+            {"cells": cells, "replay": replay_command(results.names, columns["inputs"][k], STUDY_FILE, solver=solver)}
+        )
     return {"heads": heads, "lines": lines}
 
 
-def _failure_table(results: StudyResults) -> list[dict[str, Any]]:
+def _failure_table(results: StudyResults, solver: str) -> list[dict[str, Any]]:
     total = len(results.columns["status"])
     return [
         {
@@ -292,7 +295,9 @@ def _failure_table(results: StudyResults) -> list[dict[str, Any]]:
             "reason": failure.reason,
             "count": failure.count,
             "share": f"{100.0 * failure.count / total:.2g} %",
-            "replay": replay_command(results.names, results.columns["inputs"][failure.example], STUDY_FILE),
+            "replay": replay_command(
+                results.names, results.columns["inputs"][failure.example], STUDY_FILE, solver=solver
+            ),
         }
         for failure in findings.failures(results)
     ]

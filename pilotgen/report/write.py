@@ -72,7 +72,7 @@ def write_report(
             if study.pilot.model == "multibody":
                 front_decks = decks.choose_front(results, front)
                 decks.write_front_decks(directory, context, results, front_decks)
-    text = page.render(study, results, order, front, rows, repeated, front_decks)
+    text = page.render(study, results, order, front, rows, repeated, front_decks, solver)
     write_text(directory / STUDY_NAME, study.text)
     write_text(directory / REPORT_NAME, text)
     return directory / REPORT_NAME

@@ -1,9 +1,9 @@
 """Tell beforehand whether the real MBDyn gets through the two phases before its first step.
 
-Initial assembly: unless the deck skips it, constraints that are open by more than its tolerance have to be closed by it,
-and it has failed to close every open chain it was given. Derivatives: with positions and velocities as they are, MBDyn
-iterates for accelerations and reactions with c_d = `derivatives coefficient` times `time step`; its constraint rows
-are phi / c_d, which no iteration changes, so that a constraint open by a little leaves a residual above the tolerance.
+Initial assembly: unless the deck skips it, constraints that are open by more than its tolerance have to be closed by
+it, and it has failed to close every open chain it was given. Derivatives: with positions and velocities as they are,
+MBDyn iterates for accelerations and reactions with c_d = `derivatives coefficient` times `time step`; its constraint
+rows are phi / c_d, which no iteration changes, so that a constraint open by a little leaves a residual above the tolerance.
 Both are emulated here with mbdae's matrices of the deck: `docs/io_formats/deck.md` has the equations.
 
 SPDX-License-Identifier: BSD-3-Clause
@@ -140,7 +140,9 @@ def predict(deck: str, cards: PhaseCards, matrices: Matrices) -> Prediction:
     residuals = derivatives_residuals(matrices, cards)
     c_d = cards.coefficient * cards.time_step_s
     if residuals[-1] <= cards.tolerance:
-        told = f"pass after {len(residuals) - 1} iterations, residual {residuals[-1]:.1e}, {cards.tolerance:g} is allowed"
+        told = (
+            f"pass after {len(residuals) - 1} iterations, residual {residuals[-1]:.1e}, {cards.tolerance:g} is allowed"
+        )
         return Prediction(deck, assembly, False, told, False, residuals)
     told = (
         f"fail: the residual stays at {residuals[-1]:.1e}, {cards.tolerance:g} is allowed, with c_d = {c_d:g} s and "
@@ -224,9 +226,7 @@ def read_cards(path: str | os.PathLike[str]) -> PhaseCards:
             raise FileError(f"{os.fspath(path)}: no card '{name}' in it; what MBDyn does cannot be told without it")
         value = cards[name].partition(",")[0].strip()
         if not _NUMBER.fullmatch(value) or "auto" in cards[name]:
-            raise FileError(
-                f"{os.fspath(path)}: '{name}: {cards[name]}' is not a plain number, which is wanted to tell what MBDyn does"
-            )
+            raise FileError(f"{os.fspath(path)}: '{name}: {cards[name]}' is not a plain number; one is wanted here")
         return float(value)
 
     return PhaseCards(
@@ -243,7 +243,9 @@ def _block(path: str | os.PathLike[str], text: str, name: str) -> str:
     words = r"\s+".join(name.split())
     found = re.search(rf"begin\s*:\s*{words}\s*;(.*?)end\s*:\s*{words}\s*;", text, re.DOTALL | re.IGNORECASE)
     if found is None:
-        raise FileError(f"{os.fspath(path)}: no block '{name}' in it; an MBDyn deck of an initial value problem is wanted")
+        raise FileError(
+            f"{os.fspath(path)}: no block '{name}' in it; an MBDyn deck of an initial value problem is wanted"
+        )
     return found[1]
 
 

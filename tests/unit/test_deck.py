@@ -5,6 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import difflib
 import re
 from dataclasses import dataclass, replace
 
@@ -187,7 +188,7 @@ def test_what_keeps_both_solvers_equal_is_there() -> None:
     pilot = without_comments(ALL[(("left",), "pilot")])
     for words in (
         "derivatives coefficient: 1.;",
-        "derivatives tolerance: 1.e-9;",
+        "derivatives tolerance: 1.e-7;",
         "parameter, 0.02,",
         "use lapack, balance, no;",
         "matrix output precision, 17,",
@@ -205,9 +206,11 @@ def test_what_keeps_both_solvers_equal_is_there() -> None:
 
 def test_trim_and_pilot_decks_differ_only_where_they_must() -> None:
     trim, pilot = (ALL[(("left",), name)].splitlines() for name in ("trim", "pilot"))
-    assert len(trim) == len(pilot)
-    different = [a for a, b in zip(trim, pilot, strict=True) if a != b]
-    expected = r"# trim.mbd|\tderivatives (tolerance|coefficient)|\tset: const real \w+_A = 0\.0;|\t# All activations"
+    different = [line[2:] for line in difflib.ndiff(trim, pilot) if line[0] == "-"]
+    expected = (
+        r"# trim.mbd|\tderivatives (tolerance|coefficient)|\t# (unbalanced forces|less, open)|"
+        r"\tset: const real \w+_A = 0\.0;|\t# All activations"
+    )
     assert all(re.match(expected, line) for line in different)
 
 

@@ -319,6 +319,11 @@ def test_run_mbdyn_returns_the_result_file(tmp_path: Path, monkeypatch: pytest.M
             "echo 'Reading...'; echo 'parser error at line 3'; echo bye; exit 1",
             "exit code 1 on pilot.mbd: parser error at line 3",
         ),
+        (
+            "echo 'Initial derivatives calculation 50 does not converge'; echo 'in DataManager'; echo 'of main'; "
+            "echo 'An error occurred during the execution of MBDyn; aborting...'; exit 1",
+            "exit code 1 on pilot.mbd: Initial derivatives calculation 50 does not converge",
+        ),
         ("kill -SEGV $$", "died with signal SIGSEGV on pilot.mbd"),
         ("exec sleep 30", "did not finish pilot.mbd within 0.3 s"),
         ("exit 0", "left neither pilot.nc nor pilot_00.m"),
