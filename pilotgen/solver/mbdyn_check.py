@@ -3,7 +3,8 @@
 Initial assembly: unless the deck skips it, constraints that are open by more than its tolerance have to be closed by
 it, and it has failed to close every open chain it was given. Derivatives: with positions and velocities as they are,
 MBDyn iterates for accelerations and reactions with c_d = `derivatives coefficient` times `time step`; its constraint
-rows are phi / c_d, which no iteration changes, so that a constraint open by a little leaves a residual above the tolerance.
+rows are phi / c_d, which no iteration changes, so that a constraint open by a little leaves a residual above the
+tolerance.
 Both are emulated here with mbdae's matrices of the deck: `docs/io_formats/deck.md` has the equations.
 
 SPDX-License-Identifier: BSD-3-Clause
