@@ -53,9 +53,27 @@ TEST_CASE("constants") {
   check_jet(drive("null"), 1.0, 0.0, 0.0, 0.0);
   check_jet(drive("unit"), 1.0, 1.0, 0.0, 0.0);
   check_jet(drive("one"), 1.0, 1.0, 0.0, 0.0);
-  check_jet(drive("timestep"), 1.0, 0.01, 0.0, 0.0);
+  check_jet(drive("timestep"), 1.0, 1.0, 1.0, 0.0);  // within a vector: its argument
   check_jet(drive("time"), 1.5, 1.5, 1.0, 0.0);
   check_jet(drive("direct"), 1.5, 1.5, 1.0, 0.0);
+}
+
+TEST_CASE("the time step is a number, but the time within other drives") {
+  deck_test::DeckText deck;
+  deck.globals =
+      "module load: \"libmodule-muscles\"; drive caller: 1, timestep; drive caller: 2, mult, timestep, reference, 1;\n"
+      "drive caller: 3, array, 2, timestep, 1., output, yes;\n";
+  deck.elements =
+      "joint: 1, rod, 1, 2, 1., muscle, reference length, 1., reference force, 1., activation, reference, 1, "
+      "reflexive, "
+      "proportional gain, reference, 2, derivative gain, reference, 3, reference length, timestep;\n";
+  const mbdae::Deck read = deck_test::read_good(deck);
+  const auto& rod = read.joints[0].as<mbdae::RodData>();
+  const auto& law = std::get<mbdae::MuscleLaw>(rod.law);
+  check_jet(law.activation, 3.0, 0.01, 0.0, 0.0);
+  check_jet(law.reflex->proportional_gain, 3.0, 9.0, 6.0, 2.0);
+  check_jet(law.reflex->derivative_gain, 3.0, 4.0, 1.0, 0.0);
+  check_jet(law.reflex->reference_length, 3.0, 0.01, 0.0, 0.0);
 }
 
 TEST_CASE("ramp and step") {
@@ -68,7 +86,8 @@ TEST_CASE("ramp and step") {
   check_jet(drive("ramp, 2., 1., forever, 0.5"), 101.0, 200.5, 2.0, 0.0);
   const DrivePtr step = drive("step, 1., 3., 0.25");
   check_jet(step, 0.999, 0.25, 0.0, 0.0);
-  check_jet(step, 1.0, 3.25, 0.0, 0.0);
+  check_jet(step, 1.0, 1.625, 0.0, 0.0);
+  check_jet(step, 1.001, 3.25, 0.0, 0.0);
 }
 
 TEST_CASE("sine and cosine stop where they should") {
@@ -97,8 +116,9 @@ TEST_CASE("string drives are exact jets") {
   check_jet(drive("string, \"3*Time^2 + 2*Var\""), 2.0, 16.0, 14.0, 6.0);
   check_jet(drive("string, \"1/3*Time\""), 2.0, 0.0, 0.0, 0.0);  // an integer division
   check_jet(drive("string, \"TimeStep*Time\""), 2.0, 0.02, 0.01, 0.0);
-  check_jet(drive("string, \" s i n ( 2 . * T i m e ) \""), 0.3, std::sin(0.6), 2.0 * std::cos(0.6),
-            -4.0 * std::sin(0.6));
+  check_jet(drive("string, \" sin ( 2. * Time ) \""), 0.3, std::sin(0.6), 2.0 * std::cos(0.6), -4.0 * std::sin(0.6));
+  check_jet(drive("string, \"real A = 2.*Time; A*A\""), 3.0, 36.0, 24.0, 8.0);
+  check_jet(drive("string, \"integer I = 2; I = I + 1; I*Time;\""), 2.0, 6.0, 3.0, 0.0);
   check_jet(drive("string, \"(Time >= 1.)*(Time - 1.)\""), 3.0, 2.0, 1.0, 0.0);
   check_jet(drive("string, \"abs(Time)\""), -2.0, 2.0, -1.0, 0.0);
   check_jet(drive("string, \"max(Time, 1.)\""), 1.0, 1.0, 1.0, 0.0);
@@ -166,7 +186,8 @@ TEST_CASE("vector drives") {
   CHECK(force("single, 1., 2., 3., time").at(2.0, 1) == Vec3(1, 2, 3));
   CHECK(force("component, time, inactive, string, \"Time^2\"").at(3.0) == Vec3(3, 0, 9));
   CHECK(force("component, time, inactive, string, \"Time^2\"").at(3.0, 2) == Vec3(0, 0, 2));
-  CHECK(force("array, 2, 1., 0., 0., time, component, 1., 2., 3.").at(4.0) == Vec3(5, 2, 3));
+  CHECK(force("array, 2, 1., 0., 0., time, 1., 2., 3., one").at(4.0) == Vec3(5, 2, 3));
+  CHECK(force("zero").at(1.0) == Vec3::Zero());
   const double close = 1e-15;
   CHECK((force("single, reference, 5, 0., 1., 0., 1.").at(0.0) - Vec3(0, 0, 1)).norm() < close);
   CHECK((force("single, reference, global, 0., 1., 0., 1.", "follower").at(0.0) - Vec3(1, 0, 0)).norm() < close);

@@ -106,11 +106,10 @@ TEST_CASE("mistakes in elements") {
   check_elements("couple: 1, absolute, 1, 1., 0., 0., cosine, 0., 1., 1., 0, 0.;",
                  "test.mbd:14:57: error: found 0 cycles, expected 1 or more, half, or forever\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., string, \"sin(Time\";",
-                 "test.mbd:14:45: error: in the string, at character 9 (blanks not counted): found the end of the "
+                 "test.mbd:14:45: error: in the string, at character 9: found the end of the "
                  "string, expected `)`\n");
-  check_elements(
-      "couple: 1, absolute, 1, 1., 0., 0., string, \"1./Time\";",
-      "test.mbd:14:45: error: in the string, at character 3 (blanks not counted): division by zero (at time 0 s)\n");
+  check_elements("couple: 1, absolute, 1, 1., 0., 0., string, \"1./Time\";",
+                 "test.mbd:14:45: error: in the string, at character 3: division by zero (at time 0 s)\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., array, 1000000000, 1., 2.;",
                  "test.mbd:14:62: error: the card ends here, expected drive 3 of 1000000000\n");
   check_elements("couple: 1, absolute, 1, reference, global, 1., 0., 0., 1.;",
@@ -148,7 +147,7 @@ TEST_CASE("mistakes in nodes") {
   check_nodes("structural: -1, dynamic, 0., 0., 0., eye, null, null;",
               "test.mbd:10:13: error: found -1, expected a node label from 0 on\n");
   check_nodes("structural: 1.5, dynamic, 0., 0., 0., eye, null, null;",
-              "test.mbd:10:13: error: found a real, expected a node label (an integer)\n");
+              "test.mbd:10:13: error: found 1.5, expected a node label (an integer)\n");
   check_nodes("structural: 1, dynamic, null, matr, 1., 0., 0., 0., 2., 0., 0., 0., 1., null, null;",
               "test.mbd:10:31: error: the matrix is not a rotation: |R^T R - I| = 3\n");
   check_nodes("structural: 1, dynamic, null, matr, 1., 0., 0., 0., 1., 0., 0., 0., -1., null, null;",
@@ -165,17 +164,32 @@ TEST_CASE("mistakes in the initial value block") {
   check_initial("initial time: 0.; final time: 1.; time step: 0.; method: ms, 2.;",
                 "test.mbd:3:46: error: found 0, expected the time step [s] greater than zero\n"
                 "test.mbd:3:62: error: found 2, expected a spectral radius between 0 and 1\n");
-  check_initial("initial time: 0.; final time: 1.; time step: 0.1; method: mss, 2.; time stp: 1.;",
-                "test.mbd:3:59: error: unknown method `mss`, expected: ms, implicit euler, crank nicolson, bdf, hope, "
-                "ss2, ss3, ss4, ms2, ms3, ms4, ms5, bathe, msstc3, msstc4, msstc5, mssth3, mssth4, mssth5, dirk33, "
-                "dirk43, dirk54, hybrid; did you mean `ms`?\n"
-                "test.mbd:3:68: error: unknown card `time stp` in the initial value block, expected: initial time, "
-                "final time, time step, method, tolerance, max iterations, derivatives tolerance, derivatives max "
-                "iterations, derivatives coefficient, eigenanalysis, dummy steps number, dummy steps ratio, dummy "
-                "steps tolerance, dummy steps max iterations, dummy steps method, linear solver, nonlinear solver, "
-                "output, abort after, threads; did you mean `time step`?\n");
+  check_initial(
+      "initial time: 0.; final time: 1.; time step: 0.1; method: mss, 2.; time stp: 1.;",
+      "test.mbd:3:59: error: unknown method `mss`, expected: ms, implicit euler, crank nicolson, bdf, hope, "
+      "ss2, ss3, ss4, ms2, ms3, ms4, ms5, bathe, msstc3, msstc4, msstc5, mssth3, mssth4, mssth5, dirk33, "
+      "dirk43, dirk54, hybrid, third order, thirdorder, nostro; did you mean `ms`?\n"
+      "test.mbd:3:68: error: unknown card `time stp` in the initial value block, expected: initial time, "
+      "final time, time step, method, tolerance, max iterations, derivatives tolerance, derivatives max "
+      "iterations, derivatives coefficient, eigenanalysis, dummy steps number, dummy steps ratio, dummy "
+      "steps tolerance, dummy steps max iterations, dummy steps method, linear solver, nonlinear solver, "
+      "output, abort after, threads, min time step, max time step, preconditioner, iterative solver; did you mean "
+      "`time step`?\n");
+  check_initial("initial time: 0.; final time: 1.; time step: 0.1; method: bdf; method: ms, 0.6;",
+                "test.mbd:3:64: error: the method is given already (`bdf`), expected one card `method`\n");
   check_initial("initial time: 0.; final time: 1.; time step: 0.1; method: ms, 0.6; eigenanalysis: list, 2, 1., 0.;",
                 "test.mbd:3:96: error: found time 0 after 1, expected increasing times\n");
+}
+
+TEST_CASE("what MBDyn refuses is refused") {
+  check_elements("body: 1, 1, 1., null, eye;;",
+                 "test.mbd:14:27: error: found `;` without a card before it, expected a card\n");
+  check_elements("force: 1, absolute, 1, position, null, array, 2, single, 0., 0., 1., 3., single, 0., 1., 0., 1.;",
+                 "test.mbd:14:50: error: found `single` in an array of vector drives, expected a vector and a drive "
+                 "without keyword\n");
+  check_nodes("structural: 1, static, null, eye, null, null, accelerations, yes, output, no;",
+              "test.mbd:10:67: error: the node option `output` comes too late, expected the order: assembly, scale, "
+              "output, accelerations, each at most once\n");
 }
 
 TEST_CASE("mistakes in control data") {

@@ -91,6 +91,8 @@ TEST_CASE("literals have the type they are written in") {
   check_real("1e3", 1000.0);
   check_real("1.e-9", 1e-9);
   check_real("2.5E+2", 250.0);
+  check_real("1.d0", 1.0);  // Fortran's exponent
+  check_real("2.5D+2", 250.0);
   check_real("1e-400", 0.0);
   check_integer("2147483647", 2147483647);
   check_problem("2147483648",
@@ -112,10 +114,10 @@ TEST_CASE("integers divide to integers, reals do not") {
 }
 
 TEST_CASE("the unary minus binds tighter than the power") {
-  check_integer("-2^2", 4);
-  check_integer("0-2^2", -4);
-  check_integer("2^3^2", 512);
-  check_integer("(2^3)^2", 64);
+  check_real("-2^2", 4.0);
+  check_real("0-2^2", -4.0);
+  check_real("2^3^2", 512.0);
+  check_real("(2^3)^2", 64.0);
   check_real("2^-1", 0.5);
   check_real("2.^-2", 0.25);
   check_real("4.^0.5", 2.0);
@@ -125,13 +127,15 @@ TEST_CASE("the unary minus binds tighter than the power") {
 }
 
 TEST_CASE("operators bind in the order of the language") {
-  check_integer("1+2*3^2", 19);
+  check_real("1+2*3^2", 19.0);
   check_integer("10-4-3", 3);
   check_integer("100/10/5", 2);
   check_bool("1+1 == 2", true);
   check_bool("1 < 2 && 3 < 2", false);
-  check_bool("TRUE || FALSE && FALSE", true);
-  check_bool("TRUE ~| TRUE || FALSE", false);
+  check_bool("TRUE || FALSE && FALSE", false);  // one level, from the left
+  check_bool("TRUE ~| FALSE && FALSE", false);
+  check_bool("TRUE ~| TRUE || TRUE", true);
+  check_bool("FALSE && FALSE || TRUE", true);
   check_bool("TRUE ~| FALSE", true);
   check_bool("!TRUE || TRUE", true);
   check_bool("!(TRUE || TRUE)", false);
@@ -140,6 +144,13 @@ TEST_CASE("operators bind in the order of the language") {
   check_bool("\"a\" < \"b\"", true);
   check_bool("FALSE && 1/0 > 0", false);
   check_bool("TRUE || 1/0 > 0", true);
+}
+
+TEST_CASE("the left operand comes first") {
+  check_integer("integer I = 5; (I = 3) + I", 6);
+  check_integer("integer I = 5; I + (I = 3)", 8);
+  check_bool("integer I = 5; I == (I = 3)", false);
+  check_integer("integer I = 5; FALSE && (I = 3); I", 5);
 }
 
 TEST_CASE("variables are declared, assigned, kept and cast") {
@@ -198,12 +209,14 @@ TEST_CASE("functions and constants") {
   check_real("log10(1000.)", 3.0);
   check_real("copysign(2., -0.5)", -2.0);
   check_real("abs(-2.5)", 2.5);
-  check_integer("abs(-2)", 2);
-  check_integer("ceil(1.2)", 2);
-  check_integer("floor(-1.2)", -2);
-  check_integer("round(2.5)", 3);
+  check_real("abs(-2)", 2.0);
+  check_real("ceil(1.2)", 2.0);
+  check_real("floor(-1.2)", -2.0);
+  check_real("round(2.5)", 2.0);
+  check_real("round(3.5)", 4.0);
+  check_real("round(-0.4)", 0.0);
   check_integer("sign(-3.)", -1);
-  check_integer("max(2, 3)", 3);
+  check_real("max(2, 3)", 3.0);
   check_real("min(2, 3.)", 2.0);
   check_real("ramp(-1.)", 0.0);
   check_real("ramp(2.)", 2.0);
@@ -211,11 +224,12 @@ TEST_CASE("functions and constants") {
   check_real("sramp(1., 2.)", 1.0);
   check_real("step(-1.)", 0.0);
   check_real("step(1.)", 1.0);
+  check_real("step(0)", 0.5);
   check_real("par(3.)", 9.0);
-  check_bool("in_ll(1., 1., 2.)", false);
-  check_bool("in_el(1., 1., 2.)", true);
-  check_bool("in_le(1., 2., 2.)", true);
-  check_bool("in_ee(1., 2., 2.)", true);
+  check_real("in_ll(1., 1., 2.)", 0.0);
+  check_real("in_el(1., 1., 2.)", 1.0);
+  check_real("in_le(1., 2., 2.)", 1.0);
+  check_real("in_ee(1., 2., 2.)", 1.0);
   check_bool("INT_MAX == 2147483647", true);
   check_bool("random() == random()", false);
   check_problem("sin(1., 2.)", "the function `sin` takes 1 argument, not 2");
@@ -234,9 +248,12 @@ TEST_CASE("what has no value is said so") {
   check_problem("exp(1000.)", "the result of exp is not a finite number");
   check_problem("1e300*1e300", "the result of `*` is not a finite number");
   check_problem("INT_MAX + 1", "integer overflow: the result 2147483648 is out of range");
-  check_problem("2^40", "1099511627776 does not fit in an integer");
-  check_problem("floor(1e20)", "1e+20 does not fit in an integer");
-  check_problem("Time", "`Time` has no value while the deck is read: it belongs in a `string` drive");
+  check_real("2^40", 1099511627776.0);
+  check_real("floor(1e20)", 1e20);
+  check_problem("0^-1", "division by zero");
+  check_problem("integer I = 2^40", "1099511627776 does not fit in an integer");
+  check_problem("Time",
+                "not supported: the run-time variable `Time` while the deck is read (it belongs in a `string` drive)");
   check_problem("HAND_L", "unknown name `HAND_L`");
   check_problem("real HAND_L = 1.; HAND_LL", "unknown name `HAND_LL`; did you mean `HAND_L`?");
   check_problem("model::node::structural(1, \"X[1]\")", "not supported: the function `model::node`");

@@ -22,6 +22,9 @@ InitialValueData settings_of(const Deck& deck, const IntegrateOptions& options) 
     throw ModelError("the final time " + std::to_string(settings.final_time) + " s lies before the initial time " +
                      std::to_string(settings.initial_time) + " s");
   }
+  if (settings.time_step == 0.0) {
+    throw ModelError("the deck has no time step: give one in the deck or on the command line");
+  }
   if (!(settings.time_step > 0.0) || !std::isfinite(settings.time_step)) {
     throw ModelError("the time step must be positive, it is " + std::to_string(settings.time_step) + " s");
   }

@@ -66,9 +66,10 @@ const Words* Input::next_card() {
       sources_.pop_back();
       continue;
     }
-    if (token.is(";")) {  // an empty card
+    if (token.is(";")) {
+      const SourcePosition where = token.where;
       next_token();
-      continue;
+      fail(where, "found `;` without a card before it, expected a card");
     }
     if (token.kind != TokenKind::word) fail(token.where, "found " + described(token) + ", expected a card");
     card_.where = card_position_;
@@ -147,7 +148,7 @@ void Input::skip_card() {
 
 void Input::ignore_arguments() {
   while (more()) {
-    if (take_empty() || take_string()) continue;
+    if (take_empty()) continue;
     if (at_words()) {
       while (tokens().peek().kind == TokenKind::word) next_token();
       end_argument();
@@ -371,23 +372,26 @@ double Input::positive(const char* what) {
 
 std::int64_t Input::integer(const char* what) {
   const SourcePosition where = this->where();
-  const Value<double> value = expression(what, nullptr);
-  if (value.type != Type::integer && value.type != Type::boolean) {
-    fail(where, std::string("found a ") + type_name(value.type) + " number, expected " + what + " (an integer)");
+  return whole_number(where, expression(what, nullptr), what);
+}
+
+std::int64_t Input::whole_number(const SourcePosition& where, const Value<double>& value, const char* what) {
+  if (value.type == Type::string) fail(where, "found the string " + quoted(value.text) + ", expected " + what);
+  if (value.type != Type::real) return value.integer;
+  // A power, say, is real also of integers.
+  constexpr double kLargest = 2147483647.0;
+  if (value.real != std::trunc(value.real) || std::abs(value.real) > kLargest) {
+    fail(where, "found " + number_text(value.real) + ", expected " + what + " (an integer)");
   }
-  return value.integer;
+  return static_cast<std::int64_t>(value.real);
 }
 
 Label Input::label(const char* what) {
   Label label;
   label.where = where();
-  const Value<double> value = expression(what, &label);
-  if (value.type != Type::integer) {
-    fail(label.where, std::string("found a ") + type_name(value.type) + ", expected " + what + " (an integer)");
-  }
-  if (value.integer < 0)
-    fail(label.where, "found " + std::to_string(value.integer) + ", expected " + what + " from 0 on");
-  label.value = static_cast<std::uint32_t>(value.integer);
+  const std::int64_t value = whole_number(label.where, expression(what, &label), what);
+  if (value < 0) fail(label.where, "found " + std::to_string(value) + ", expected " + what + " from 0 on");
+  label.value = static_cast<std::uint32_t>(value);
   return label;
 }
 
@@ -401,11 +405,7 @@ bool Input::yes_no() {
 
 bool Input::boolean(const char* what) {
   const SourcePosition where = this->where();
-  const Value<double> value = expression(what, nullptr);
-  if (value.type != Type::integer && value.type != Type::boolean) {
-    fail(where, std::string("found a ") + type_name(value.type) + ", expected " + what);
-  }
-  return value.integer != 0;
+  return whole_number(where, expression(what, nullptr), what) != 0;
 }
 
 std::optional<std::string> Input::take_string() {
@@ -427,10 +427,10 @@ std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double 
   const Token token = tokens().peek();
   if (token.kind != TokenKind::string)
     fail(token.where, "found " + described(token) + ", expected an expression in quotes");
-  // White space inside the quotes does not count, not even between letters.
-  std::string text;
-  for (const char c : unescaped(token.text)) {
-    if (std::isspace(static_cast<unsigned char>(c)) == 0) text += c;
+  std::string text = unescaped(token.text);
+  for (char& c : text) {
+    if (std::isspace(static_cast<unsigned char>(c)) != 0)
+      c = ' ';  // one line, so that columns count from its beginning
   }
   Diagnostics inner;  // positions inside the string mean nothing to the reader: tell the string's own
   TokenStream stream(Lexer(text, 0, false));
@@ -440,12 +440,11 @@ std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double 
     if (const std::size_t at = message.find(kFile); at != std::string::npos) {
       message.replace(at, kFile.size(), "the end of the string");
     }
-    fail(token.where,
-         "in the string, at character " + std::to_string(where.column) + " (blanks not counted): " + message);
+    fail(token.where, "in the string, at character " + std::to_string(where.column) + ": " + message);
   };
   try {
     ExpressionParser parser(stream, *symbols_, inner, expression, true);
-    parser.parse_expression();
+    parser.parse_statements();
     const Token& rest = stream.peek();
     if (rest.kind != TokenKind::end)
       inner.fail(rest.where, "found " + described(rest) + ", expected the end of the string");

@@ -50,6 +50,8 @@ class Input {
   const Words* next_card();
   /// The card must end here; takes its `;`.
   void end_card();
+  /// A comma before the card's end, which few cards may have, is all right here.
+  void allow_trailing_comma() { after_comma_ = after_comma_ && !tokens().peek().is(";"); }
   /// After an error: goes on to what looks like the next card.
   void skip_card();
   /// Reads what is left of a card that has no effect; its expressions must still make sense.
@@ -137,6 +139,8 @@ class Input {
   [[noreturn]] void missing(const std::string& what);
   void end_argument();
   void next_token();
+  /// The value as an integer; an error if it is none.
+  std::int64_t whole_number(const SourcePosition& where, const Value<double>& value, const char* what);
   /// Evaluates the expression at the argument.
   Value<double> expression(const char* what, Label* label);
   /// The same for an argument that is just a number or a variable with a number; nullopt, with nothing taken, for

@@ -91,6 +91,7 @@ void read_body(Context& context) {
   ++context.body_count.found;
   const Label label = input.label("a body label");
   context.bodies.announce(input, label);
+  skip_name(input);
   BodyData body;
   body.id = identity(label, "body");
   const SourcePosition where = input.where();

@@ -102,7 +102,7 @@ struct Context {
   Count force_count{"forces", {}, {}};
   Count gravity_count{"gravity", {}, {}};
 
-  unsigned initial_value_cards = 0;  ///< one bit for every card of the initial value block seen
+  std::uint64_t initial_value_cards = 0;  ///< one bit for every card of the initial value block seen
   bool muscle_module_loaded = false;
   bool muscle_module_missed = false;  ///< the warning has been given
 

@@ -24,7 +24,10 @@ constexpr const char* kWithoutEffect[] = {"print",
                                           "initial assembly of deformable and force elements",
                                           "default aerodynamic output",
                                           "default beam output",
-                                          "title"};
+                                          "title",
+                                          "select timeout",
+                                          "make restart file",
+                                          "default element output"};
 /// Cards that count what is not read here: only zero will do.
 constexpr const char* kOtherCounts[] = {"abstract nodes",
                                         "electric nodes",
@@ -43,6 +46,7 @@ constexpr const char* kOtherCounts[] = {"abstract nodes",
                                         "genels",
                                         "hydraulic elements",
                                         "induced velocity elements",
+                                        "inertia",
                                         "joint regularizations",
                                         "loadable elements",
                                         "plates",
@@ -109,8 +113,8 @@ void read_control_data_card(Context& context, const Words& card) {
     if (input.integer("a number of entities") != 0) {
       input.fail(card.where, "not supported: " + quoted(card.written) + " (only 0 of them)");
     }
-  } else if (card.is("rigid body kinematics")) {
-    input.fail(card.where, "not supported: the card `rigid body kinematics`");
+  } else if (card.is("rigid body kinematics") || card.is("air properties")) {
+    input.fail(card.where, "not supported: the card " + quoted(card.written));
   } else {
     std::vector<const char*> choices(std::begin(kKnown), std::end(kKnown));
     choices.insert(choices.end(), std::begin(kWithoutEffect), std::end(kWithoutEffect));

@@ -169,16 +169,19 @@ struct BodyData {
 struct EigenanalysisData {
   std::vector<double> times;  ///< [s]
   double parameter = 1.0;     ///< c = parameter / 2 [s]
+  bool has_parameter = false;
+  double upper_frequency = 0.0;  ///< [Hz], gives the parameter where the deck does not; 0 = none
   SourcePosition where;
 };
 
 enum class MethodKind { ms, implicit_euler, crank_nicolson, other };
 
 struct InitialValueData {
-  double initial_time = 0.0, final_time = 0.0, time_step = 0.0;  ///< [s]; final_time may be infinite (`forever`)
+  /// [s]; final_time may be infinite (`forever`), time_step is 0 where the deck has none
+  double initial_time = 0.0, final_time = 0.0, time_step = 0.0;
   MethodKind method = MethodKind::ms;
   std::string method_text;                ///< as written, for messages
-  double rho = 0.6, rho_algebraic = 0.6;  ///< asymptotic spectral radii of `ms`
+  double rho = 0.0, rho_algebraic = 0.0;  ///< asymptotic spectral radii of `ms`
   double tolerance = 1e-6;
   int max_iterations = 20;
   double derivatives_tolerance = 1e-6;

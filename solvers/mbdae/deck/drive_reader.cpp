@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "mbdae/deck/element_reader.h"
 #include "mbdae/drive/drive_library.h"
 
 namespace mbdae::reading {
@@ -66,6 +67,13 @@ constexpr const char* kOtherDrives[] = {"closest next",
 
 DrivePtr read(Context& context, int depth);
 
+/// A drive within another or within a vector: there `timestep` is its argument, the time.
+DrivePtr read_part(Context& context, int depth) {
+  DrivePtr drive = read(context, depth);
+  if (dynamic_cast<const TimeStepDrive*>(drive.get()) != nullptr) return std::make_shared<const TimeDrive>();
+  return drive;
+}
+
 DrivePtr constant(double value) { return std::make_shared<const ConstDrive>(value); }
 
 DrivePtr read_ramp(Context& context) {
@@ -116,7 +124,7 @@ DrivePtr read_array(Context& context, int depth) {
   std::vector<DrivePtr> drives;
   for (std::int64_t i = 0; i < count; ++i) {
     input.need([&] { return "drive " + std::to_string(i + 1) + " of " + std::to_string(count); });
-    drives.push_back(read(context, depth + 1));
+    drives.push_back(read_part(context, depth + 1));
   }
   return std::make_shared<const SumDrive>(std::move(drives));
 }
@@ -139,7 +147,7 @@ DrivePtr read(Context& context, int depth) {
     case kDirect:
       return std::make_shared<const TimeDrive>();
     case kTimeStep:
-      return constant(context.time_step());
+      return std::make_shared<const TimeStepDrive>(context.time_step());
     case kRamp:
       return read_ramp(context);
     case kSine:
@@ -156,8 +164,8 @@ DrivePtr read(Context& context, int depth) {
     case kArray:
       return read_array(context, depth);
     case kMult: {
-      DrivePtr first = read(context, depth + 1);
-      return std::make_shared<const ProductDrive>(std::move(first), read(context, depth + 1));
+      DrivePtr first = read_part(context, depth + 1);
+      return std::make_shared<const ProductDrive>(std::move(first), read_part(context, depth + 1));
     }
     case kReference:
       return context.drives.get(input, input.label("the label of a drive caller"));
@@ -197,6 +205,14 @@ Vector<N> read_entity(Context& context, const Place* place, bool explicitly_sing
   }
 }
 
+/// A direction and its drive.
+template <int N>
+void read_term(Context& context, const Place* place, bool single, int depth, VectorDrive<N>* out) {
+  const Vector<N> direction = read_entity<N>(context, place, single);
+  DrivePtr drive = read_part(context, depth + 1);
+  if (!direction.isZero(0.0)) out->terms.push_back({direction, std::move(drive)});
+}
+
 template <int N>
 void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>* out) {
   Input& input = context.input;
@@ -204,12 +220,12 @@ void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>*
   if (depth > kDeepestDrive)
     input.fail(where, "drives nested deeper than " + std::to_string(kDeepestDrive) + " levels");
   input.need("a vector drive: null, [single,] vector and drive, component, array");
-  if (input.take("null")) return;
+  if (input.take("null") || input.take("zero")) return;
   if (input.take("component")) {
     for (int i = 0; i < N; ++i) {
       input.need([&] { return "drive " + std::to_string(i + 1) + " of " + std::to_string(N); });
       if (input.take("inactive")) continue;
-      out->terms.push_back({Vector<N>::Unit(i), read(context, depth + 1)});
+      out->terms.push_back({Vector<N>::Unit(i), read_part(context, depth + 1)});
     }
     return;
   }
@@ -219,14 +235,17 @@ void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>*
     if (count < 1) input.fail(count_where, "found " + std::to_string(count) + " drives, expected 1 or more");
     for (std::int64_t i = 0; i < count; ++i) {
       input.need([&] { return "vector drive " + std::to_string(i + 1) + " of " + std::to_string(count); });
-      read_terms(context, place, depth + 1, out);
+      for (const char* word : {"single", "component", "array"}) {
+        if (const auto words = input.peek_words(); words && words->is(word)) {
+          input.fail(words->where, std::string("found `") + word +
+                                       "` in an array of vector drives, expected a vector and a drive without keyword");
+        }
+      }
+      read_term(context, place, false, depth, out);
     }
     return;
   }
-  const bool single = input.take("single");
-  const Vector<N> direction = read_entity<N>(context, place, single);
-  DrivePtr drive = read(context, depth + 1);
-  if (!direction.isZero(0.0)) out->terms.push_back({direction, std::move(drive)});
+  read_term(context, place, input.take("single"), depth, out);
 }
 
 }  // namespace
@@ -237,8 +256,9 @@ void read_drive_caller(Context& context) {
   Input& input = context.input;
   const Label label = input.label("a drive caller label");
   context.drives.announce(input, label);
-  if (input.take("name")) input.string("a name in quotes");
+  skip_name(input);
   DrivePtr drive = read_drive(context);
+  if (input.more()) skip_output(input);
   input.end_card();
   context.drives.define(label, std::move(drive));
 }
@@ -261,7 +281,7 @@ VectorDrive<1> read_scalar_drive(Context& context) {
   Vector<1> factor = Vector<1>::Ones();
   input.need("a drive");
   if (input.take("single")) factor(0) = input.real("the factor of the drive");
-  DrivePtr drive = read_drive(context);
+  DrivePtr drive = read_part(context, 0);
   out.terms.push_back({factor, std::move(drive)});
   return out;
 }

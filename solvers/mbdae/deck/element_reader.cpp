@@ -141,6 +141,7 @@ void read_element(Context& context, CardKind card) {
   ++known.count->found;
   const Label label = input.label(known.label);
   known.registry->announce(input, label);
+  skip_name(input);
   const SourcePosition where = input.where();
   const ElementType& type = read_type(context, card, known);
   ElementData element{identity(label, known.kind), &type, type.read(context, where)};

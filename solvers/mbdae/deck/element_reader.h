@@ -14,6 +14,9 @@ void read_gravity(Context& context);
 /// A joint, force or couple: what follows `joint:`, `force:`, `couple:`.
 void read_element(Context& context, CardKind card);
 
+/// `name, "...",` after a label, if it is there.
+void skip_name(Input& input);
+
 /// `output, yes|no` if it is there; true if it was.
 bool skip_output(Input& input);
 

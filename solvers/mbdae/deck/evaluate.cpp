@@ -30,7 +30,10 @@ class Evaluator {
  public:
   using V = Value<Real>;
 
-  Evaluator(const Expression& expression, const Symbols& symbols) : expression_(expression), symbols_(symbols) {}
+  Evaluator(const Expression& expression, const Symbols& symbols) : expression_(expression), symbols_(symbols) {
+    locals_.resize(expression.locals.size());
+    for (std::size_t i = 0; i < locals_.size(); ++i) locals_[i].type = expression.local_types[i];
+  }
 
   ReadingState* state = nullptr;  // null at run time
   Real time{}, time_step{};
@@ -46,6 +49,8 @@ class Evaluator {
         return V::from_text(expression_.texts[node.index]);
       case Op::variable:
         return variable(node);
+      case Op::local:
+        return locals_[node.index];
       case Op::time:
       case Op::argument:
         return V::from_real(time);
@@ -71,6 +76,16 @@ class Evaluator {
       }
       case Op::assign:
         return assign(node);
+      case Op::assign_local: {
+        V& local = locals_[expression_.nodes[static_cast<std::size_t>(node.first)].index];
+        local = converted(node, evaluate(second(node)), local.type, false);
+        return local;
+      }
+      case Op::declare_local: {
+        V& local = locals_[node.index];
+        local = converted(node, evaluate(node.first), node.type, false);
+        return local;
+      }
       case Op::declare:
         return declare(node);
       case Op::call:
@@ -82,8 +97,10 @@ class Evaluator {
         }
         return last;
       }
-      default:
-        return binary(node, evaluate(node.first), evaluate(second(node)));
+      default: {
+        const V left = evaluate(node.first);  // before the right one, which may change a variable
+        return binary(node, left, evaluate(second(node)));
+      }
     }
   }
 
@@ -173,7 +190,8 @@ class Evaluator {
     if (a.type == Type::string && b.type == Type::string && is_comparison(node.op)) {
       return V::from_bool(compare(node.op, a.text.compare(b.text)));
     }
-    if (a.type != Type::real && b.type != Type::real && a.type != Type::string && b.type != Type::string) {
+    const bool whole = a.type != Type::real && b.type != Type::real && a.type != Type::string && b.type != Type::string;
+    if (whole && node.op != Op::power) {  // powers of integers are real
       return integer_operation(node, a.integer, b.integer);
     }
     const Real x = real(node, a), y = real(node, b);
@@ -199,6 +217,7 @@ class Evaluator {
 
   V power(const ExpressionNode& node, const Real& x, const Real& y) const {
     using std::pow;
+    if (value_of(x) == 0.0 && value_of(y) < 0.0) fail(node, "division by zero");
     return checked_real(node, "`^`", pow(x, y));
   }
 
@@ -214,14 +233,6 @@ class Evaluator {
       case Op::modulo:
         if (b == 0) fail(node, "division by zero");
         return checked_integer(node, node.op == Op::divide ? a / b : a % b);
-      case Op::power: {
-        const double result = std::pow(static_cast<double>(a), static_cast<double>(b));
-        if (b < 0) {
-          if (a == 0) fail(node, "division by zero");
-          return constant(result);
-        }
-        return checked_integer(node, result);
-      }
       default:
         return V::from_bool(compare(node.op, a < b ? -1 : a > b ? 1 : 0));
     }
@@ -315,6 +326,7 @@ class Evaluator {
 
   const Expression& expression_;
   const Symbols& symbols_;
+  std::vector<V> locals_;  // of a run-time expression
 };
 
 template <class Real>
@@ -382,7 +394,6 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
   const auto done = [&](const char* what, const Real& result) { return checked_real(node, what, result); };
   switch (id) {
     case Function::abs_:
-      if (arguments[0].type != Type::real) return checked_integer(node, std::abs(arguments[0].integer));
       return done("abs", fabs(x));
     case Function::acos_:
       return done("acos", acos(x));
@@ -405,7 +416,7 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
     case Function::actanh:
       return done("actanh", atanh(one / x));
     case Function::ceil_:
-      return checked_integer(node, std::ceil(xv));
+      return constant(std::ceil(xv));
     case Function::copysign_:
       return done("copysign", copysign(x, y));
     case Function::cos_:
@@ -419,7 +430,7 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
     case Function::exp_:
       return done("exp", exp(x));
     case Function::floor_:
-      return checked_integer(node, std::floor(xv));
+      return constant(std::floor(xv));
     case Function::log_:
       return done("log", log(x));
     case Function::log10_:
@@ -427,9 +438,7 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
     case Function::max_:
     case Function::min_: {
       const bool first = (side_of(x - y) >= 0) == (id == Function::max_);
-      const V& chosen = arguments[first ? 0 : 1];
-      const bool whole = arguments[0].type != Type::real && arguments[1].type != Type::real;
-      return whole ? V::from_integer(chosen.integer) : V::from_real(first ? x : y);
+      return V::from_real(first ? x : y);
     }
     case Function::par:
       return done("par", side_of(x) > 0 ? x * x : zero);
@@ -438,9 +447,9 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
     case Function::sramp:
       return done("sramp", side_of(x) <= 0 ? zero : side_of(x - y) >= 0 ? y : x);
     case Function::step:
-      return done("step", xv < 0.0 ? zero : one);
+      return constant(xv < 0.0 ? 0.0 : xv > 0.0 ? 1.0 : 0.5);
     case Function::round_:
-      return checked_integer(node, std::round(xv));
+      return constant(std::nearbyint(xv));  // halves to the even neighbour
     case Function::sign:
       return V::from_integer(xv > 0.0 ? 1 : xv < 0.0 ? -1 : 0);
     case Function::sin_:
@@ -454,13 +463,13 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
     case Function::tanh_:
       return done("tanh", tanh(x));
     case Function::in_ll:
-      return V::from_bool(xv < yv && yv < zv);
+      return constant(xv < yv && yv < zv ? 1.0 : 0.0);
     case Function::in_le:
-      return V::from_bool(xv < yv && yv <= zv);
+      return constant(xv < yv && yv <= zv ? 1.0 : 0.0);
     case Function::in_el:
-      return V::from_bool(xv <= yv && yv < zv);
+      return constant(xv <= yv && yv < zv ? 1.0 : 0.0);
     case Function::in_ee:
-      return V::from_bool(xv <= yv && yv <= zv);
+      return constant(xv <= yv && yv <= zv ? 1.0 : 0.0);
     default:
       fail(node, "a function without a rule");
   }

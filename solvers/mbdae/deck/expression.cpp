@@ -72,22 +72,23 @@ struct BinaryOperator {
   int level;  ///< 0 binds weakest
 };
 
-constexpr int kLevels = 6;  // of the operators below
+constexpr int kLevels = 4;  // of the operators below
+// The three logical operators have one level: 1 || 0 && 0 is (1 || 0) && 0, which is false.
 constexpr std::array<BinaryOperator, 14> kBinary = {{
     {"~|", Op::logical_xor, 0},
-    {"||", Op::logical_or, 1},
-    {"&&", Op::logical_and, 2},
-    {">", Op::greater, 3},
-    {">=", Op::greater_equal, 3},
-    {"==", Op::equal, 3},
-    {"<=", Op::less_equal, 3},
-    {"<", Op::less, 3},
-    {"!=", Op::not_equal, 3},
-    {"+", Op::add, 4},
-    {"-", Op::subtract, 4},
-    {"*", Op::multiply, 5},
-    {"/", Op::divide, 5},
-    {"%", Op::modulo, 5},
+    {"||", Op::logical_or, 0},
+    {"&&", Op::logical_and, 0},
+    {">", Op::greater, 1},
+    {">=", Op::greater_equal, 1},
+    {"==", Op::equal, 1},
+    {"<=", Op::less_equal, 1},
+    {"<", Op::less, 1},
+    {"!=", Op::not_equal, 1},
+    {"+", Op::add, 2},
+    {"-", Op::subtract, 2},
+    {"*", Op::multiply, 3},
+    {"/", Op::divide, 3},
+    {"%", Op::modulo, 3},
 }};
 
 const BinaryOperator* find_binary(const Token& token) {
@@ -179,11 +180,11 @@ int ExpressionParser::statement(int depth) {
     diagnostics_.fail(name.where, "found " + described(name) + ", expected the name of a variable");
   }
   if (depth == 0) declared_ = name.text;
-  if (run_time_) diagnostics_.fail(name.where, "not supported: a declaration in a run-time expression");
   node.where = name.where;
   if (name.text == "Time" || name.text == "TimeStep" || name.text == "Step" || name.text == "Var") {
     diagnostics_.fail(name.where, quoted(name.text) + " is a run-time variable of the language, choose another name");
   }
+  if (run_time_) return local_declaration(node, name, depth);
   const std::optional<std::uint32_t> known_symbol = symbols_.find(name.text);
   if (known_symbol && symbols_[*known_symbol].broken) throw Reported{};
   if (known_symbol && !node.if_not_defined) {
@@ -215,6 +216,30 @@ int ExpressionParser::statement(int depth) {
   return add(node, initial);
 }
 
+std::optional<std::uint32_t> ExpressionParser::find_local(std::string_view name) const {
+  for (std::size_t i = 0; i < out_.locals.size(); ++i) {
+    if (out_.locals[i] == name) return static_cast<std::uint32_t>(i);
+  }
+  return std::nullopt;
+}
+
+int ExpressionParser::local_declaration(ExpressionNode node, const Token& name, int depth) {
+  if (find_local(name.text) || symbols_.find(name.text)) {
+    diagnostics_.fail(name.where, "the variable " + quoted(name.text) + " is declared already");
+  }
+  node.op = Op::declare_local;
+  if (!tokens_.peek().is("=")) {
+    diagnostics_.fail(name.where,
+                      "the variable " + quoted(name.text) + " of a run-time expression needs a value: `= ...`");
+  }
+  tokens_.take();
+  const int initial = assignment(depth);
+  node.index = static_cast<std::uint32_t>(out_.locals.size());
+  out_.locals.emplace_back(name.text);
+  out_.local_types.push_back(node.type);
+  return add(node, initial);
+}
+
 int ExpressionParser::assignment(int depth) {
   check_depth(depth);
   const Token& first = tokens_.peek();
@@ -222,13 +247,16 @@ int ExpressionParser::assignment(int depth) {
   const int left = binary(0, depth);
   if (!tokens_.peek().is("=")) return left;
   const Token token = tokens_.take();
-  if (out_.nodes[static_cast<std::size_t>(left)].op != Op::variable) {
+  const ExpressionNode target = out_.nodes[static_cast<std::size_t>(left)];
+  if (target.op != Op::variable && target.op != Op::local) {
     diagnostics_.fail(token.where, "only a variable can stand left of `=` (the comparison is `==`)");
   }
-  if (run_time_) diagnostics_.fail(token.where, "not supported: an assignment in a run-time expression");
+  if (run_time_ && target.op == Op::variable) {
+    diagnostics_.fail(token.where, "not supported: the assignment to a variable of the deck in a run-time expression");
+  }
   const int right = assignment(depth + 1);
   ExpressionNode node;
-  node.op = Op::assign;
+  node.op = target.op == Op::local ? Op::assign_local : Op::assign;
   node.where = token.where;
   return add(node, left, right);
 }
@@ -273,9 +301,26 @@ int ExpressionParser::unary(int depth) {
   return primary(depth);
 }
 
+namespace {
+
+/// Fortran's 1.d0 as 1.e0.
+std::string with_plain_exponent(std::string_view number) {
+  std::string text(number);
+  if (const std::size_t d = text.find_first_of("dD"); d != std::string::npos) text[d] = 'e';
+  return text;
+}
+
+}  // namespace
+
 bool read_number(const Token& token, Number* number) {
-  const char* const begin = token.text.data();
-  const char* const end = begin + token.text.size();
+  std::string_view text = token.text;
+  std::string plain;
+  if (token.kind == TokenKind::real && text.find_first_of("dD") != std::string_view::npos) {
+    plain = with_plain_exponent(text);
+    text = plain;
+  }
+  const char* const begin = text.data();
+  const char* const end = begin + text.size();
   if (token.kind == TokenKind::integer) {
     number->type = Type::integer;
     return std::from_chars(begin, end, number->integer).ec == std::errc() && number->integer <= INT_MAX;
@@ -303,7 +348,7 @@ int ExpressionParser::number() {
   node.real = value.real;
   if (!fits) {
     // Too large is an error, too small is as good as zero.
-    node.real = std::strtod(std::string(token.text).c_str(), nullptr);
+    node.real = std::strtod(with_plain_exponent(token.text).c_str(), nullptr);
     if (!std::isfinite(node.real)) diagnostics_.fail(token.where, "the number " + quoted(token.text) + " is too large");
   }
   return add(node);
@@ -339,11 +384,34 @@ int ExpressionParser::primary(int depth) {
     last = next;
   }
   expect(")");
-  if (last == first && out_.nodes[static_cast<std::size_t>(first)].op != Op::variable) return first;
+  const Op inside = out_.nodes[static_cast<std::size_t>(first)].op;
+  if (last == first && inside != Op::variable && inside != Op::local) return first;
+  return add_sequence(node, first, height);
+}
+
+int ExpressionParser::add_sequence(ExpressionNode node, int first, int height) {
+  node.op = Op::sequence;
   node.height = height + 1;
   const int sequence = add(node);
   out_.nodes[static_cast<std::size_t>(sequence)].first = first;
   return sequence;
+}
+
+void ExpressionParser::parse_statements() {
+  ExpressionNode node;
+  node.where = tokens_.peek().where;
+  const int first = statement(0);
+  int last = first;
+  int height = out_.nodes[static_cast<std::size_t>(first)].height;
+  while (tokens_.peek().is(";")) {
+    tokens_.take();
+    if (tokens_.peek().kind == TokenKind::end) break;
+    const int next = statement(0);
+    out_.nodes[static_cast<std::size_t>(last)].sibling = next;
+    height = std::max(height, out_.nodes[static_cast<std::size_t>(next)].height);
+    last = next;
+  }
+  out_.root = last == first ? first : add_sequence(node, first, height);
 }
 
 void ExpressionParser::unknown_name(const Token& token) {
@@ -359,6 +427,11 @@ int ExpressionParser::name(int depth) {
   if (tokens_.peek().is("::")) return model_namespace(token);
   ExpressionNode node;
   node.where = token.where;
+  if (const auto local = find_local(token.text)) {
+    node.op = Op::local;
+    node.index = *local;
+    return add(node);
+  }
   if (const auto symbol = symbols_.find(token.text)) {
     node.op = Op::variable;
     node.index = *symbol;
@@ -367,8 +440,8 @@ int ExpressionParser::name(int depth) {
   const bool time = token.text == "Time", step = token.text == "TimeStep", argument = token.text == "Var";
   if (time || step || argument) {
     if (!run_time_) {
-      diagnostics_.fail(token.where, quoted(token.text) + " has no value while the deck is read: it belongs in a " +
-                                         "`string` drive");
+      diagnostics_.fail(token.where, "not supported: the run-time variable " + quoted(token.text) +
+                                         " while the deck is read (it belongs in a `string` drive)");
     }
     node.op = time ? Op::time : step ? Op::time_step : Op::argument;
     return add(node);

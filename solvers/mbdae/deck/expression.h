@@ -1,12 +1,13 @@
 // Mathematical expressions as trees: what was written, not yet what it is worth.
 //
-// Operators from high to low: unary + - !, ^ (right to left), * / %, + -, comparisons, &&, ||, ~|, = (right to left).
-// A unary minus binds tighter than ^: -2^2 is 4.
+// Operators from high to low: unary + - !, ^ (right to left), * / %, + -, comparisons, then && || ~| together from the
+// left, = (right to left). A unary minus binds tighter than ^: -2^2 is 4. The left operand is evaluated first.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,7 @@ enum class Op : std::uint8_t {
   real,
   text,
   variable,
+  local,          ///< variable of a run-time expression
   time,           ///< run-time variable Time
   time_step,      ///< run-time variable TimeStep
   argument,       ///< run-time variable Var
@@ -45,7 +47,9 @@ enum class Op : std::uint8_t {
   logical_or,
   logical_xor,
   assign,
+  assign_local,
   declare,
+  declare_local,
   call,
   sequence,  ///< ( a; b; c ), worth its last
 };
@@ -127,11 +131,15 @@ struct ExpressionNode {
 struct Expression {
   std::vector<ExpressionNode> nodes;
   std::vector<std::string> texts;
+  std::vector<std::string> locals;  ///< names of the variables that a run-time expression declares
+  std::vector<Type> local_types;
   int root = -1;
 
   void clear() {
     nodes.clear();
     texts.clear();
+    locals.clear();
+    local_types.clear();
     root = -1;
   }
 };
@@ -154,11 +162,15 @@ class ExpressionParser {
   void parse_expression() { out_.root = assignment(0); }
   /// What stands in `set:`: a declaration or an expression.
   void parse_statement() { out_.root = statement(0); }
+  /// Statements separated by `;`, worth the last one: what stands in a `string` drive.
+  void parse_statements();
   /// Name of the variable being declared, "" when there is none (for recovery after an error).
   std::string_view declared() const { return declared_; }
 
  private:
   int statement(int depth);
+  int local_declaration(ExpressionNode node, const Token& name, int depth);
+  std::optional<std::uint32_t> find_local(std::string_view name) const;
   int assignment(int depth);
   int binary(int lowest, int depth);
   int power(int depth);
@@ -169,6 +181,7 @@ class ExpressionParser {
   int model_namespace(const Token& token);
   int call(const Token& token, int depth);
   int add(ExpressionNode node, int first = -1, int second = -1);
+  int add_sequence(ExpressionNode node, int first, int height);
   void check_depth(int depth);
   void expect(std::string_view symbol);
   [[noreturn]] void unknown_name(const Token& token);

@@ -93,6 +93,21 @@ Vec3 unit_vector(Input& input, const char* what) {
   return v / length;
 }
 
+/// The axis that `guess` stands for, perpendicular to v: 1 where v is smallest, -v_smallest/v_largest where it is
+/// largest.
+Vec3 guessed_axis(const Vec3& v) {
+  int smallest = 0, largest = 0;
+  for (int i = 1; i < 3; ++i) {
+    if (std::abs(v(i)) < std::abs(v(smallest))) smallest = i;
+    if (std::abs(v(i)) > std::abs(v(largest))) largest = i;
+  }
+  if (smallest == largest) largest = 2;  // three equal components
+  Vec3 w = Vec3::Zero();
+  w(smallest) = 1.0;
+  w(largest) = -v(smallest) / v(largest);
+  return w.normalized();
+}
+
 /// i, v, j, { w | guess }: axis i along v, axis j in the half plane of w.
 Mat3 two_vectors(Input& input) {
   const int i = read_axis(input);
@@ -103,10 +118,7 @@ Mat3 two_vectors(Input& input) {
   const SourcePosition second = input.where();
   Vec3 w;
   if (input.more() && input.take("guess")) {
-    // Any perpendicular will do: leave out the axis closest to v.
-    int largest = 0;
-    v.cwiseAbs().maxCoeff(&largest);
-    w = Vec3::Unit((largest + 1) % 3);
+    w = guessed_axis(v);
   } else {
     w = unit_vector(input, "a component of the second vector");
   }
@@ -342,7 +354,7 @@ Frame read_frame(Context& context, bool description) {
   input.take("position");
   frame.x = read_position(context, {});
   input.need("an orientation");
-  input.take("orientation");
+  if (!input.take("orientation")) input.take("hinge");
   frame.R = read_orientation(context, {});
   if (description && input.more()) skip_orientation_description(input);
   input.need("a velocity");

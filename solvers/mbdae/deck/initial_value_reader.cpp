@@ -1,20 +1,35 @@
 // The data and initial value blocks.
 //
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
+#include <string_view>
+#include <utility>
 
 #include "mbdae/deck/block_reader.h"
 
 namespace mbdae::reading {
 namespace {
 
-constexpr const char* kCards[] = {
-    "initial time", "final time", "time step", "method", "tolerance", "max iterations", "derivatives tolerance",
-    "derivatives max iterations", "derivatives coefficient", "eigenanalysis",
-    // accepted without effect
-    "dummy steps number", "dummy steps ratio", "dummy steps tolerance", "dummy steps max iterations",
-    "dummy steps method", "linear solver", "nonlinear solver", "output", "abort after", "threads"};
+constexpr const char* kCards[] = {"initial time", "final time", "time step", "method", "tolerance", "max iterations",
+                                  "derivatives tolerance", "derivatives max iterations", "derivatives coefficient",
+                                  "eigenanalysis", "dummy steps number",
+                                  // accepted without effect
+                                  "dummy steps ratio", "dummy steps tolerance", "dummy steps max iterations",
+                                  "dummy steps method", "linear solver", "nonlinear solver", "output", "abort after",
+                                  "threads", "min time step", "max time step", "preconditioner", "iterative solver"};
+
+/// Old names of cards, and the present ones.
+constexpr std::pair<const char*, const char*> kOldCards[] = {
+    {"fictitious steps number", "dummy steps number"},
+    {"fictitious steps ratio", "dummy steps ratio"},
+    {"fictitious steps tolerance", "dummy steps tolerance"},
+    {"fictitious steps max iterations", "dummy steps max iterations"},
+    {"fictitious steps method", "dummy steps method"},
+    {"solver", "linear solver"},
+    {"newton raphson", "nonlinear solver"}};
 
 enum Card {
   kInitialTime,
@@ -26,19 +41,24 @@ enum Card {
   kDerivativesTolerance,
   kDerivativesMaxIterations,
   kDerivativesCoefficient,
-  kEigenanalysis
+  kEigenanalysis,
+  kDummySteps
 };
 
-constexpr const char* kOtherCards[] = {"strategy",
-                                       "min time step",
-                                       "max time step",
-                                       "real time",
-                                       "solver",
-                                       "preconditioner",
-                                       "iterative solver",
-                                       "modify residual test",
-                                       "enforce constraint equations",
-                                       "pod"};
+/// Index into `kCards`, -1 for other cards.
+int card_kind(const Words& card) {
+  for (std::size_t i = 0; i < std::size(kCards); ++i) {
+    if (card.is(kCards[i])) return static_cast<int>(i);
+  }
+  for (const auto& [old, present] : kOldCards) {
+    if (!card.is(old)) continue;
+    return static_cast<int>(std::find(std::begin(kCards), std::end(kCards), std::string_view(present)) - kCards);
+  }
+  return -1;
+}
+
+constexpr const char* kOtherCards[] = {
+    "strategy", "real time", "pod", "output modes", "modify residual test", "enforce constraint equations"};
 
 int read_iterations(Input& input) {
   const SourcePosition where = input.where();
@@ -81,7 +101,10 @@ void read_method(Context& context) {
                                              "dirk33",
                                              "dirk43",
                                              "dirk54",
-                                             "hybrid"};
+                                             "hybrid",
+                                             "third order",
+                                             "thirdorder",
+                                             "nostro"};
   Input& input = context.input;
   InitialValueData& data = context.deck.initial_value;
   input.need([&] { return "a method: " + joined(kMethods); });
@@ -93,6 +116,7 @@ void read_method(Context& context) {
       input.need("the spectral radius");
       data.rho = data.rho_algebraic = read_radius(input);
       if (input.more()) data.rho_algebraic = read_radius(input);
+      input.allow_trailing_comma();
       break;
     case 1:
       data.method = MethodKind::implicit_euler;
@@ -106,14 +130,11 @@ void read_method(Context& context) {
   }
 }
 
-void read_residual_tolerance(Context& context) {
+/// A tolerance of residuals; that of the solution, which may follow, has no effect.
+double read_tolerance(Input& input) {
   static constexpr const char* kTests[] = {"none", "norm", "minmax", "relnorm", "sepnorm"};
-  Input& input = context.input;
-  if (input.take("null")) {
-    context.deck.initial_value.tolerance = 0.0;
-  } else {
-    context.deck.initial_value.tolerance = input.positive("a tolerance");
-  }
+  double tolerance = 0.0;
+  if (!input.take("null")) tolerance = input.positive("a tolerance");
   if (input.more() && input.take("test")) {
     input.keyword(kTests, "residual test");
     if (input.more()) input.take("scale");
@@ -127,6 +148,7 @@ void read_residual_tolerance(Context& context) {
       input.ignore_arguments();
     }
   }
+  return tolerance;
 }
 
 void read_derivatives_coefficient(Context& context) {
@@ -159,13 +181,15 @@ void read_eigen_option(Input& input, EigenanalysisData* data) {
                                              "use lapack",
                                              "use arpack",
                                              "use jdqz",
-                                             "use external"};
+                                             "use external",
+                                             "balance"};
   static constexpr const char* kEnds[] = {"largest magnitude",  "largest real part",  "largest imaginary part",
                                           "smallest magnitude", "smallest real part", "smallest imaginary part"};
   static constexpr const char* kBalances[] = {"no", "scale", "permute", "all"};
   switch (input.keyword(kOptions, "eigenanalysis option")) {
     case 0:
       data->parameter = input.positive("the parameter");
+      data->has_parameter = true;
       break;
     case 1:
       input.need("`compute` or a width");
@@ -182,11 +206,12 @@ void read_eigen_option(Input& input, EigenanalysisData* data) {
       input.keyword(kEnds, "end of the spectrum");
       break;
     case 11:
-    case 12:
       input.real("a frequency");
       break;
+    case 12:
+      data->upper_frequency = input.positive("the upper frequency limit [Hz]");
+      break;
     case 13:
-      if (input.more() && input.take("balance")) input.keyword(kBalances, "balance");
       break;
     case 14:
     case 15:
@@ -194,6 +219,9 @@ void read_eigen_option(Input& input, EigenanalysisData* data) {
       input.integer("a number of vectors");
       input.real("a tolerance");
       if (input.more() && input.take("max iterations")) input.integer("a number of iterations");
+      break;
+    case 17:
+      input.keyword(kBalances, "balance");
       break;
     default:
       break;
@@ -222,21 +250,26 @@ void read_eigenanalysis(Context& context) {
     data.times.push_back(time);
   }
   while (input.more()) read_eigen_option(input, &data);
+  if (data.upper_frequency > 0.0 && !data.has_parameter) {
+    // A fifth of the highest frequency's radian, within bounds, as MBDyn chooses it [s].
+    constexpr double kSmallest = 1e-6, kLargest = 1e6;
+    data.parameter = std::clamp(1.0 / (10.0 * std::numbers::pi * data.upper_frequency), kSmallest, kLargest);
+  }
   context.deck.initial_value.eigenanalysis = std::move(data);
 }
 
 }  // namespace
 
 void read_data_card(Context& context, const Words& card) {
-  static constexpr const char* kProblems[] = {"initial value", "inverse dynamics"};
+  static constexpr const char* kProblems[] = {"initial value", "multistep", "inverse dynamics"};
   static constexpr const char* kDataCards[] = {"problem"};
   Input& input = context.input;
-  if (!card.is("problem")) {
+  if (!card.is("problem") && !card.is("integrator")) {
     input.fail(card.where, "unknown card " + quoted(card.written) + " in the data block, expected: problem, end: data" +
                                suggestion(card.text, kDataCards));
   }
   const SourcePosition where = input.where();
-  if (input.keyword(kProblems, "problem") == 1) {
+  if (input.keyword(kProblems, "problem") == 2) {
     input.fail(where, "not supported: the problem `inverse dynamics` (expected `initial value`)");
   }
   input.end_card();
@@ -245,10 +278,7 @@ void read_data_card(Context& context, const Words& card) {
 void read_initial_value_card(Context& context, const Words& card) {
   Input& input = context.input;
   InitialValueData& data = context.deck.initial_value;
-  int kind = -1;
-  for (std::size_t i = 0; i < std::size(kCards); ++i) {
-    if (card.is(kCards[i])) kind = static_cast<int>(i);
-  }
+  const int kind = card_kind(card);
   if (kind < 0) {
     for (const char* other : kOtherCards) {
       if (card.is(other)) input.fail(card.where, std::string("not supported: the card `") + other + "`");
@@ -256,7 +286,10 @@ void read_initial_value_card(Context& context, const Words& card) {
     input.fail(card.where, "unknown card " + quoted(card.written) + " in the initial value block, expected: " +
                                joined(kCards) + suggestion(card.text, kCards));
   }
-  context.initial_value_cards |= 1U << kind;
+  if (kind == kMethod && (context.initial_value_cards >> kMethod & 1U) != 0) {
+    input.fail(card.where, "the method is given already (`" + data.method_text + "`), expected one card `method`");
+  }
+  context.initial_value_cards |= std::uint64_t{1} << kind;
   switch (kind) {
     case kInitialTime:
       data.initial_time = input.real("the initial time [s]");
@@ -273,13 +306,13 @@ void read_initial_value_card(Context& context, const Words& card) {
       read_method(context);
       break;
     case kTolerance:
-      read_residual_tolerance(context);
+      data.tolerance = read_tolerance(input);
       break;
     case kMaxIterations:
       data.max_iterations = read_iterations(input);
       break;
     case kDerivativesTolerance:
-      data.derivatives_tolerance = input.positive("a tolerance");
+      data.derivatives_tolerance = read_tolerance(input);
       break;
     case kDerivativesMaxIterations:
       data.derivatives_max_iterations = read_iterations(input);
@@ -290,6 +323,12 @@ void read_initial_value_card(Context& context, const Words& card) {
     case kEigenanalysis:
       read_eigenanalysis(context);
       break;
+    case kDummySteps:
+      if (input.integer("a number of steps") != 0) {
+        input.diagnostics().warning(
+            card.where, "dummy steps have no effect: accelerations and reactions at the start are solved for");
+      }
+      break;
     default:
       input.ignore_arguments();
   }
@@ -297,7 +336,7 @@ void read_initial_value_card(Context& context, const Words& card) {
 }
 
 void check_initial_value(Context& context, const SourcePosition& where) {
-  for (const int card : {kInitialTime, kFinalTime, kTimeStep}) {
+  for (const int card : {kInitialTime, kFinalTime}) {
     if ((context.initial_value_cards >> card & 1U) == 0) {
       context.input.diagnostics().error(
           where, std::string("the initial value block lacks the card `") + kCards[card] + ": ...;`");
@@ -305,7 +344,7 @@ void check_initial_value(Context& context, const SourcePosition& where) {
   }
   const InitialValueData& data = context.deck.initial_value;
   if ((context.initial_value_cards >> kMethod & 1U) == 0) {
-    context.input.diagnostics().warning(where, "the initial value block has no `method` card: `ms, 0.6` is used");
+    context.input.diagnostics().warning(where, "the initial value block has no `method` card: `ms, 0.` is used");
   }
   if (data.final_time < data.initial_time) {
     context.input.diagnostics().error(where, "the final time " + number_text(data.final_time) +

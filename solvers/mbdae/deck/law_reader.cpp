@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mbdae/deck/drive_reader.h"
+#include "mbdae/deck/element_reader.h"
 #include "mbdae/deck/geometry.h"
 #include "mbdae/deck/muscle_reader.h"
 
@@ -177,7 +178,15 @@ LinearLaw<N> read_linear(Context& context, int kind) {
       }
     }
   }
+  const SourcePosition where = input.where();
   read_suffix(context, &law);
+  if (kind == kViscous || kind == kViscousIsotropic || kind == kViscousGeneric) {
+    if (!law.prestress.isZero(0.0)) {
+      input.diagnostics().warning(where, "the prestress of a viscous law has no effect, as in MBDyn");
+    }
+    law.prestress.setZero();
+    law.prestrain.terms.clear();  // of a stiffness that is not there
+  }
   return law;
 }
 
@@ -264,7 +273,7 @@ Law6 read_law6(Context& context) { return read_law<6>(context, context.laws6); }
 void read_constitutive_law(Context& context) {
   Input& input = context.input;
   const Label label = input.label("a constitutive law label");
-  if (input.take("name")) input.string("a name in quotes");
+  skip_name(input);
   const SourcePosition where = input.where();
   const std::int64_t dimension = input.integer("the dimension of the law: 1, 3 or 6");
   const auto define = [&](auto& registry, auto&& read) {

@@ -146,7 +146,8 @@ Token Lexer::number(const SourcePosition& where) {
     real = true;
     skip(position_ + 1, kDigit);
   }
-  if (position_ < text_.size() && (text_[position_] == 'e' || text_[position_] == 'E')) {
+  // `1.d0` is Fortran's way of writing 1.e0.
+  if (position_ < text_.size() && (lower(text_[position_]) == 'e' || lower(text_[position_]) == 'd')) {
     std::size_t digit = position_ + 1;
     if (digit < text_.size() && (text_[digit] == '+' || text_[digit] == '-')) ++digit;
     if (digit < text_.size() && is_digit(text_[digit])) {

@@ -29,11 +29,19 @@ void read_dummy(Context& context, const Label& label) {
   context.deck.dummy_nodes.push_back(std::move(dummy));
 }
 
-/// [, assembly, kpos, kvel, yes|no] [, scale, ...] [, output, ...] [, accelerations, ...]
+/// [, assembly, kpos, kvel, yes|no] [, scale, ...] [, output, ...] [, accelerations, ...], in this order.
 void skip_node_options(Input& input) {
   static constexpr const char* kOptions[] = {"assembly", "scale", "output", "accelerations"};
+  int last = -1;
   while (input.more()) {
-    switch (input.keyword(kOptions, "node option")) {
+    const SourcePosition where = input.where();
+    const int option = input.keyword(kOptions, "node option");
+    if (option <= last) {
+      input.fail(where, std::string("the node option `") + kOptions[option] +
+                            "` comes too late, expected the order: " + joined(kOptions) + ", each at most once");
+    }
+    last = option;
+    switch (option) {
       case 0:
         input.real("the stiffness of the position in assembly");
         input.real("the stiffness of the velocity in assembly");
@@ -51,6 +59,10 @@ void skip_node_options(Input& input) {
 
 }  // namespace
 
+void skip_name(Input& input) {
+  if (input.more() && input.take("name")) input.string("a name in quotes");
+}
+
 bool skip_output(Input& input) {
   if (!input.take("output")) return false;
   input.yes_no();
@@ -59,6 +71,7 @@ bool skip_output(Input& input) {
 
 void read_reference(Context& context) {
   const Label label = context.input.label("a reference label");
+  skip_name(context.input);
   context.references.announce(context.input, label);
   const Frame frame = read_frame(context, false);
   context.input.end_card();
@@ -76,6 +89,7 @@ void read_structural(Context& context) {
     input.fail(label.where, "node " + std::to_string(label.value) + " is defined already, as a dummy node");
   }
   context.nodes.announce(input, label);
+  skip_name(input);
   input.need([&] { return "a node type: " + joined(kKinds); });
   if (const auto words = input.peek_words()) {
     for (const char* other : kOthers) {

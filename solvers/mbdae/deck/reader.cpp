@@ -21,6 +21,8 @@ namespace {
 /// The blocks in their mandatory order.
 constexpr const char* kBlocks[] = {"data", "initial value", "control data", "nodes", "elements"};
 constexpr int kBlockCount = 5;
+/// The blocks in the order of `kBlocks`, then other names of theirs.
+constexpr const char* kBlockNames[] = {"data", "initial value", "control data", "nodes", "elements", "multistep"};
 enum Block { kData, kInitialValue, kControlData, kNodes, kElements };
 
 constexpr const char* kElementCards[] = {"body", "joint", "gravity", "force", "couple"};
@@ -59,9 +61,11 @@ constexpr const char* kOtherElements[] = {"aerodynamic beam",
 constexpr const char* kOtherNodes[] = {"abstract", "electric", "hydraulic", "parameter", "thermal", "output"};
 constexpr const char* kEverywhere[] = {
     "set", "include", "remark", "reference", "drive caller", "constitutive law", "module load", "begin", "end"};
-constexpr const char* kOtherGlobals[] = {
-    "scalar function", "template drive caller", "hydraulic fluid", "c81 data", "setenv", "chdir", "friction",
-    "license",         "print symbol table",    "namespace",       "plugin"};
+constexpr const char* kOtherGlobals[] = {"scalar function", "template drive caller",
+                                         "hydraulic fluid", "c81 data",
+                                         "setenv",          "chdir",
+                                         "friction",        "license",
+                                         "namespace",       "plugin"};
 
 class Reader {
  public:
@@ -96,7 +100,7 @@ class Reader {
       input.set();
     } else if (card.is("include")) {
       input.include();
-    } else if (card.is("remark")) {
+    } else if (card.is("remark") || card.is("print symbol table")) {
       input.ignore_arguments();
       input.end_card();
     } else if (!read_common(card)) {
@@ -110,7 +114,7 @@ class Reader {
     const bool reference = card.is("reference"), drive = card.is("drive caller"), law = card.is("constitutive law");
     const bool module = card.is("module load");
     if (!reference && !drive && !law && !module) return false;
-    if (done_ <= kControlData && block_ != kControlData && !module) {
+    if (drive && done_ <= kControlData && block_ != kControlData) {
       input.fail(card.where,
                  "the card " + quoted(card.written) + " comes too early, expected after `begin: control data;`");
     }
@@ -187,7 +191,7 @@ class Reader {
     for (const char* other : {"drivers", "output", "parallel"}) {
       if (words && words->is(other)) input.fail(where, std::string("not supported: the block `") + other + "`");
     }
-    const int block = input.keyword(kBlocks, "block");
+    const int block = block_name();
     input.end_card();
     if (block_ >= 0) {
       diagnostics().error(where, std::string("found the beginning of `") + kBlocks[block] + "` inside `" +
@@ -204,10 +208,15 @@ class Reader {
     begin_ = where;
   }
 
+  int block_name() {
+    const int block = context_.input.keyword(kBlockNames, "block");
+    return block < kBlockCount ? block : kInitialValue;
+  }
+
   void end_block(const Words& card) {
     Input& input = context_.input;
     const SourcePosition where = input.where();
-    const int block = input.keyword(kBlocks, "block");
+    const int block = block_name();
     input.end_card();
     if (block_ < 0)
       input.fail(card.where, std::string("found the end of `") + kBlocks[block] + "`, which has not begun");

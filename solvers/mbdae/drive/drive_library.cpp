@@ -13,7 +13,10 @@ Jet RampDrive::at(double t) const {
   return {initial_ + slope_ * (end_ - start_), 0.0, 0.0};
 }
 
-Jet StepDrive::at(double t) const { return {t < start_ ? initial_ : initial_ + amplitude_, 0.0, 0.0}; }
+Jet StepDrive::at(double t) const {
+  if (t == start_) return {0.5 * (initial_ + amplitude_), 0.0, 0.0};
+  return {t < start_ ? initial_ : initial_ + amplitude_, 0.0, 0.0};
+}
 
 Jet WaveDrive::at(double t) const {
   const double tau = t - start_;

@@ -16,6 +16,17 @@ class TimeDrive final : public Drive {
   Jet at(double t) const override { return {t, 1.0, 0.0}; }
 };
 
+/// The time step, which does not change (`timestep`).
+class TimeStepDrive final : public Drive {
+ public:
+  /// step [s]
+  explicit TimeStepDrive(double step) : step_(step) {}
+  Jet at(double) const override { return {step_, 0.0, 0.0}; }
+
+ private:
+  double step_;
+};
+
 /// v0 before `start`, v0 + slope (t - start) up to `end`, constant from there on.
 class RampDrive final : public Drive {
  public:
@@ -28,7 +39,7 @@ class RampDrive final : public Drive {
   double slope_, start_, end_, initial_;
 };
 
-/// v0 before `start`, v0 + amplitude afterwards (from t = start on).
+/// v0 before `start`, v0 + amplitude afterwards, (v0 + amplitude)/2 at t = start itself.
 class StepDrive final : public Drive {
  public:
   StepDrive(double start, double amplitude, double initial) : start_(start), amplitude_(amplitude), initial_(initial) {}

@@ -58,9 +58,9 @@ const ElementType kElements[] = {
     row<read_rod, Rod>(kJoint, "rod", "rods"),
     row<read_deformable_hinge, DeformableHinge>(kJoint, "deformable hinge", "deformable"),
     row<read_deformable_joint, DeformableJoint>(kJoint, "deformable joint", "deformable"),
-    row<read_absolute_force, AppliedForce>(kForce, "absolute", "forces"),
+    row<read_absolute_force, AppliedForce>(kForce, "absolute", "forces", "conservative"),
     row<read_follower_force, AppliedForce>(kForce, "follower", "forces"),
-    row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces"),
+    row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces", "conservative"),
     row<read_follower_couple, AppliedForce>(kCouple, "follower", "forces"),
 };
 

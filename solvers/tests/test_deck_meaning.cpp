@@ -1,0 +1,91 @@
+// Decks whose meaning was measured on MBDyn (develop, 2025-06): what the reader makes of them.
+//
+// SPDX-License-Identifier: BSD-3-Clause
+#include "test_deck_support.h"
+
+using deck_test::DeckText;
+using mbdae::Vec3;
+
+TEST_CASE("expressions in a deck have MBDyn's values") {
+  DeckText deck;
+  deck.globals = "set: integer I1 = 5;\n";
+  const std::pair<const char*, double> cases[] = {
+      {"3^2/4", 2.25},          {"7/2^1", 3.5},         {"abs(-7)/4", 1.75},  {"ceil(2.3)/4", 0.75},
+      {"floor(7.5)/4", 1.75},   {"round(6.6)/4", 1.75}, {"max(7,2)/4", 1.75}, {"min(7,9)/4", 1.75},
+      {"in_ll(1,2,3)/4", 0.25}, {"round(2.5)", 2.0},    {"step(0)", 0.5},     {"1 || 0 && 0", 0.0},
+      {"1 ~| 0 && 0", 0.0},     {"(I1 = 3) + I1", 6.0}, {"-3^2/4", 2.25},     {"9^2/10^2", 0.81}};
+  deck.nodes.clear();
+  for (std::size_t i = 0; i < std::size(cases); ++i) {
+    deck.nodes += "structural: " + std::to_string(i) + ", static, " + cases[i].first + ", 0., 0., eye, null, null;\n";
+  }
+  const mbdae::Deck read = deck_test::read_good(deck);
+  for (std::size_t i = 0; i < std::size(cases); ++i) {
+    INFO(cases[i].first);
+    CHECK(read.nodes[i].x(0) == cases[i].second);
+  }
+}
+
+TEST_CASE("whole numbers may come from reals") {
+  DeckText deck;
+  deck.nodes = "structural: 2^1, static, null, eye, null, null;\n";
+  deck.initial += "max iterations: 10.; eigenanalysis: 0., parameter, 0.1;\n";
+  CHECK(deck_test::read_good(deck).nodes[0].id.label == 2);
+}
+
+TEST_CASE("guess is perpendicular as MBDyn chooses it") {
+  const mbdae::Deck deck =
+      deck_test::with_nodes("structural: 1, static, null, 3, 0.1, 0.2, 0.9, 1, guess, null, null;\n");
+  const Vec3 third = Vec3(0.1, 0.2, 0.9).normalized(), first = Vec3(1.0, 0.0, -0.1 / 0.9).normalized();
+  CHECK((deck.nodes[0].R.col(2) - third).norm() < 1e-15);
+  CHECK((deck.nodes[0].R.col(0) - first).norm() < 1e-15);
+  CHECK((deck.nodes[0].R.col(1) - third.cross(first)).norm() < 1e-15);
+}
+
+TEST_CASE("a deck without a method card has ms, 0.") {
+  DeckText deck;
+  deck.initial = "initial time: 0.; final time: 1.; time step: 0.01;\n";
+  const mbdae::Deck read = deck_test::read_good(deck);
+  CHECK(read.initial_value.method == mbdae::MethodKind::ms);
+  CHECK(read.initial_value.rho == 0.0);
+}
+
+TEST_CASE("the upper frequency limit gives the parameter") {
+  DeckText deck;
+  const auto coefficient = [&](const std::string& options) {
+    deck.initial = "initial time: 0.; final time: 1.; time step: 0.01; method: ms, 0.6; eigenanalysis: 0., " + options +
+                   ", balance, no, use lapack;\n";
+    return 0.5 * deck_test::read_good(deck).initial_value.eigenanalysis->parameter;
+  };
+  CHECK(coefficient("upper frequency limit, 1000.") == Approx(1.59155e-5).epsilon(1e-6));
+  CHECK(coefficient("upper frequency limit, 1.e9") == Approx(0.5e-6));
+  CHECK(coefficient("upper frequency limit, 1.e-9") == Approx(0.5e6));
+  CHECK(coefficient("upper frequency limit, 1000., parameter, 0.02") == 0.01);
+}
+
+TEST_CASE("a viscous law has no prestress") {
+  const mbdae::Deck deck =
+      deck_test::with_elements("joint: 2, rod, 1, 2, 1., linear viscous, 2., prestress, 5., prestrain, 0.1;\n");
+  const auto& law = std::get<mbdae::LinearLaw<1>>(deck.joints[0].as<mbdae::RodData>().law);
+  CHECK(law.C(0, 0) == 2.0);
+  CHECK(law.prestress(0) == 0.0);
+  CHECK(law.prestrain.terms.empty());
+}
+
+TEST_CASE("old forms of the first blocks") {
+  const std::string text =
+      "begin: data; integrator: multistep; end: data;\n"
+      "reference: 7, name, \"early\", null, hinge, eye, null, null;\n"
+      "begin: multistep; initial time: 0.; final time: 1.; method: ms, .6,; derivatives tolerance: 1e-6, 1e-6;\n"
+      " fictitious steps number: 0; fictitious steps ratio: 1e-3; fictitious steps tolerance: 1e-3;\n"
+      " fictitious steps max iterations: 10; solver: umfpack; newton raphson: modified, 3; min time step: 1e-6;\n"
+      "end: multistep;\n"
+      "begin: control data; structural nodes: 1; rigid bodies: 1; forces: 1; inertia: 0; select timeout: forever;\n"
+      " make restart file: iterations, 100; end: control data;\n"
+      "print symbol table; set: real VAL = 1.; remark: \"value = \" + VAL; remark: \"a\", VAL, \"b\";\n"
+      "begin: nodes; structural: 3, name, \"third\", dynamic, null, eye, null, null; end: nodes;\n"
+      "begin: elements; body: 3, name, \"b\", 3, 1., null, eye;\n"
+      " force: 1, name, \"f\", conservative, 3, position, null, 0., 0., 1., const, 3.; end: elements;\n";
+  const mbdae::Deck deck = deck_test::read_good(text);
+  CHECK(deck.initial_value.rho == 0.6);
+  CHECK(deck.forces[0].as<mbdae::ForceData>().frame == mbdae::ForceFrame::absolute);
+}
