@@ -116,6 +116,10 @@ python-tests: install
 	@echo "== pytest"
 	@$(BIN)/python -m pytest -q -n $(JOBS)
 
+.PHONY: coverage
+coverage: install ## Run the Python tests and tell which branches none of them takes (at least 90 % must be taken)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --cov --cov-report=term
+
 .PHONY: format
 format: install build/system-test.stamp ## Format all sources
 	@$(BIN)/ruff check --fix --quiet || true
