@@ -24,7 +24,7 @@ import numpy as np
 from pilotgen.anthropometry.arm import Limb
 from pilotgen.anthropometry.body import SEGMENTS, Body
 from pilotgen.errors import EvaluationError, MatrixError
-from pilotgen.posture.cockpit import Cockpit, Inceptor
+from pilotgen.posture.cockpit import Cockpit, PlacedInceptor
 from pilotgen.posture.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, cross
 from pilotgen.solver.descriptor import block
 from pilotgen.solver.matrices import Matrices
@@ -251,7 +251,7 @@ def _coordinate_rates(limb: Limb, torso: Pose, poses: Mapping[str, Pose]) -> np.
     return B
 
 
-def _hand_load(matrices: Matrices, layout: _Layout, inceptor: Inceptor, hand: Pose) -> np.ndarray:
+def _hand_load(matrices: Matrices, layout: _Layout, inceptor: PlacedInceptor, hand: Pose) -> np.ndarray:
     """Residual (24,) that the control puts on the limb: minus the smallest grip force that holds the control."""
     constraints = _constraint_jacobian(matrices, layout.control_constraint_rows, layout.control_columns)
     _, _, vt = np.linalg.svd(constraints)

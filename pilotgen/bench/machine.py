@@ -51,7 +51,7 @@ class Ran:
 
 
 def run(command: Sequence[str]) -> Ran:
-    """Run a program to its end; RuntimeError with its last words when it fails."""
+    """Run a program to its end; RuntimeError with its last stderr lines when it fails."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     start = time.monotonic()
     with subprocess.Popen(

@@ -43,11 +43,6 @@ class SearchRun:
     cpu_s: float  # with workers and solvers
     wall_s: float
 
-    @property
-    def cpu_ms(self) -> float:
-        """CPU time per evaluation [ms], start of the program included."""
-        return 1e3 * self.cpu_s / self.evaluations
-
 
 def search(study: Path, workers: int) -> SearchRun:
     """Run a search in a directory of its own."""

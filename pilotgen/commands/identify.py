@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.evaluation import EvaluationContext
-    from pilotgen.progress import ProgressLine
+    from pilotgen.progress_line import ProgressLine
     from pilotgen.virtual.identify import (
         DEFAULT_FREQUENCIES_HZ,
         METHODS,

@@ -52,9 +52,9 @@ def run(args: argparse.Namespace) -> int:
     stop_on_sigterm()
     import numpy as np
 
-    from pilotgen.commands.search import attributes_of, make_campaign, make_workers, open_journal
+    from pilotgen.commands.search import attributes_of, make_batch, make_workers, open_journal
     from pilotgen.objectives import ranked_objectives
-    from pilotgen.progress import ProgressLine
+    from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.batch import RESULTS_NAME, locked_directory
     from pilotgen.runs.fingerprint import fingerprint
     from pilotgen.runs.results import ResultsWriter, Row, columns_of
@@ -72,24 +72,24 @@ def run(args: argparse.Namespace) -> int:
         workers = make_workers(args, min(args.number, CHUNK))
         try:
             with open_journal(directory, study) as journal:
-                campaign = make_campaign(args, study, journal, workers, print_hash)
-                campaign.rehearse()
+                batch = make_batch(args, study, journal, workers, print_hash)
+                batch.warm_up()
 
                 def show(*_: object, milestone: bool = False) -> None:
                     if line.due(milestone):
-                        tally = campaign.tally
-                        left = line.time_left(tally.done)
-                        text = f"{tally.done}/{args.number} pilots, {tally.failed} failed"
+                        progress = batch.progress
+                        left = line.time_left(progress.done)
+                        text = f"{progress.done}/{args.number} pilots, {progress.failed} failed"
                         line.update(text + (f" | {left} left" if left else ""), milestone)
 
-                campaign.on_result = show
+                batch.on_result = show
                 attributes = attributes_of(study, "sample", print_hash, seed, "sample complete", args)
                 with ResultsWriter(
                     directory / RESULTS_NAME, attributes, problem.names, problem.xl, problem.xu, problem.objectives
                 ) as writer:
                     number = 0
                     for X in points(args.method, args.number, problem, seed):
-                        results = campaign.evaluate([problem.values(x) for x in X])
+                        results = batch.evaluate([problem.values(x) for x in X])
                         rows = [
                             Row(0, number + k, problem.values(x), r)
                             for k, (x, r) in enumerate(zip(X, results, strict=True))
@@ -109,14 +109,14 @@ def run(args: argparse.Namespace) -> int:
         finally:
             workers.close()
     line.finish()
-    tally = campaign.tally
+    progress = batch.progress
     print(
-        f"{tally.done} pilots ({tally.served} from the journal), {tally.failed} failed, {unstable} with an unstable "
-        f"closed loop"
+        f"{progress.done} pilots ({progress.served} from the journal), {progress.failed} failed, "
+        f"{unstable} with an unstable closed loop"
     )
     print("smallest: " + ", ".join(f"{name} {value:.4g}" for name, value in smallest.items()))
     print(f"results: {directory / RESULTS_NAME}")
-    return 0 if tally.failed < tally.done else 2
+    return 0 if progress.failed < progress.done else 2
 
 
 def points(method: str, number: int, problem: Any, seed: int) -> Iterator[Any]:

@@ -63,16 +63,16 @@ def run(args: argparse.Namespace) -> int:
         workers = make_workers(args, study.search.population)
         try:
             with open_journal(directory, study) as journal:
-                campaign = make_campaign(args, study, journal, workers, print_hash)
-                campaign.rehearse()
-                rows = search_study(args, study, campaign, directory / RESULTS_NAME, print_hash)
+                batch = make_batch(args, study, journal, workers, print_hash)
+                batch.warm_up()
+                rows = search_study(args, study, batch, directory / RESULTS_NAME, print_hash)
         finally:
             workers.close()
         if not args.no_report:
             from pilotgen.report import write_report
 
             write_report(directory, study, rows, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn)
-        print_worst(args.study, directory, campaign, rows, args.solver)
+        print_worst(args.study, directory, batch, rows, args.solver)
     return 0 if any(row["status"] == "ok" for row in rows) else 2
 
 
@@ -108,7 +108,7 @@ def open_journal(directory: Path, study: Study) -> Journal:
     return journal
 
 
-def make_campaign(args: argparse.Namespace, study: Study, journal: Journal, workers: Workers, print_hash: str) -> Batch:
+def make_batch(args: argparse.Namespace, study: Study, journal: Journal, workers: Workers, print_hash: str) -> Batch:
     """Journal, workers and the task of one pilot, together."""
     import pickle
 
@@ -144,13 +144,13 @@ def attributes_of(
 
 
 def search_study(
-    args: argparse.Namespace, study: Study, campaign: Batch, path: Path, print_hash: str
+    args: argparse.Namespace, study: Study, batch: Batch, path: Path, print_hash: str
 ) -> list[dict[str, Any]]:
     """Run the genetic search and write study.h5; returns the result objects in the order of its evaluations."""
     import numpy as np
 
     from pilotgen.objectives import ranked_objectives
-    from pilotgen.progress import ProgressLine
+    from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.results import Row, columns_of, write_results
     from pilotgen.search import Problem, run_search
 
@@ -164,8 +164,8 @@ def search_study(
 
     def show(milestone: bool = False) -> None:
         if line.due(milestone):
-            left = line.time_left(campaign.tally.done)
-            line.update(progress_text(study, campaign, generation, best, left), milestone)
+            left = line.time_left(batch.progress.done)
+            line.update(progress_text(study, batch, generation, best, left), milestone)
 
     def on_result(result: Mapping[str, Any]) -> None:
         if result["status"] == "ok":
@@ -176,7 +176,7 @@ def search_study(
     def evaluate(X: np.ndarray, number: int) -> np.ndarray:
         nonlocal generation
         generation = number
-        results = campaign.evaluate([problem.values(x) for x in X])
+        results = batch.evaluate([problem.values(x) for x in X])
         F = np.full((len(X), problem.n_obj), np.nan)
         for k, (x, result) in enumerate(zip(X, results, strict=True)):
             rows.append(Row(number, k, problem.values(x), result))
@@ -185,7 +185,7 @@ def search_study(
         show(milestone=True)
         return F
 
-    campaign.on_result = on_result
+    batch.on_result = on_result
     found = run_search(problem, settings, evaluate)
     line.finish()
     write_results(
@@ -202,21 +202,21 @@ def search_study(
     return [dict(row.result) for row in rows]
 
 
-def progress_text(study: Study, campaign: Batch, generation: int, best: Sequence[float], left: str) -> str:
+def progress_text(study: Study, batch: Batch, generation: int, best: Sequence[float], left: str) -> str:
     """`generation 3/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | 0:12 left`."""
     from pilotgen.objectives import OBJECTIVES
-    from pilotgen.progress import counted
+    from pilotgen.progress_line import counted
 
-    tally = campaign.tally
+    progress = batch.progress
     margins = ", ".join(
         OBJECTIVES[name].brief(value)
         for name, value in zip(study.search.objectives, best, strict=True)
         if math.isfinite(value)
     )
-    served = f" ({tally.served} from the journal)" if tally.served else ""
+    served = f" ({progress.served} from the journal)" if progress.served else ""
     parts = [
         f"generation {generation + 1}/{study.search.generations}",
-        f"{counted(tally.done, 'evaluation')}{served}, {tally.failed} failed",
+        f"{counted(progress.done, 'evaluation')}{served}, {progress.failed} failed",
         f"smallest {margins}" if margins else "",
         f"at most {left} left" if left else "",
     ]
@@ -224,7 +224,7 @@ def progress_text(study: Study, campaign: Batch, generation: int, best: Sequence
 
 
 def print_worst(
-    study_path: Path, directory: Path, campaign: Batch, rows: Sequence[Mapping[str, Any]], solver: str = "mbdae"
+    study_path: Path, directory: Path, batch: Batch, rows: Sequence[Mapping[str, Any]], solver: str = "mbdae"
 ) -> None:
     """Print the worst pilots of study.h5, the failures by reason, and where everything is."""
     from pilotgen.runs.batch import RESULTS_NAME, failures_by_reason
@@ -233,10 +233,10 @@ def print_worst(
     results = read_results(directory / RESULTS_NAME)
     for text in worst_table(results):
         print(text)
-    tally = campaign.tally
+    progress = batch.progress
     print(
-        f"\n{tally.done} evaluations ({tally.served} from the journal), {tally.failed} failed, {tally.cpu_s:.1f} s "
-        f"of CPU time in workers"
+        f"\n{progress.done} evaluations ({progress.served} from the journal), {progress.failed} failed, "
+        f"{progress.cpu_s:.1f} s of CPU time in workers"
     )
     for stage, reason, count, example in failures_by_reason(rows)[:5]:
         print(

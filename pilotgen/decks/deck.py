@@ -21,7 +21,7 @@ from pilotgen.anthropometry.arm import Limb, Segment
 from pilotgen.anthropometry.body import SEGMENTS, Body
 from pilotgen.decks.template_cache import Part
 from pilotgen.decks.text import hinge_frame, matrix, number, numbers, pose_text, template, vector, vectors
-from pilotgen.posture.cockpit import Cockpit, Inceptor
+from pilotgen.posture.cockpit import Cockpit, PlacedInceptor
 from pilotgen.posture.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, forward
 from pilotgen.posture.posture import Posture, PostureGuess, ergonomics
 
@@ -54,7 +54,7 @@ class ActivationValues(Protocol):
 # ---- what a template knows about a control and an arm ----------------------------------------------------------------
 
 
-def _inceptor_text(inceptor: Inceptor) -> Part:
+def _inceptor_text(inceptor: PlacedInceptor) -> Part:
     collective = inceptor.name == "collective"
     return Part(
         node="LEVER" if collective else "STICK",
@@ -98,7 +98,7 @@ class _Latest(Generic[_Result]):
         return self._result
 
 
-def _limb_text(limb: Limb, inceptor: Inceptor, torso: Pose) -> dict[str, Any]:
+def _limb_text(limb: Limb, inceptor: PlacedInceptor, torso: Pose) -> dict[str, Any]:
     """What is said of an arm and its control in whatever posture."""
     S = SUFFIX[limb.side].upper()
     base = 10 if limb.side == "left" else 20
@@ -209,10 +209,6 @@ def _millimetres(value_m: float, positive: str, negative: str) -> str:
     return f"{abs(1e3 * value_m):.0f} mm {negative if value_m < -0.5e-3 else positive}"
 
 
-def _tenths(value: float) -> str:
-    return f"{round(value, 1) + 0.0:.1f}"  # no -0.0
-
-
 @_Latest
 def _posture_lines(posture: Posture) -> list[str]:
     lines = []
@@ -275,7 +271,7 @@ def _spring_constants() -> list[tuple[str, str, str]]:
     return rows
 
 
-def _spring_frames(limb: Limb, inceptor: Inceptor, torso: Pose) -> dict[str, tuple[str, str]]:
+def _spring_frames(limb: Limb, inceptor: PlacedInceptor, torso: Pose) -> dict[str, tuple[str, str]]:
     """Frames of the ergonomic joint springs on the two bodies of each, equal in the neutral posture."""
     e = ergonomics()
     g = arm_geometry(limb)

@@ -29,7 +29,7 @@ DEFAULT_COCKPIT = "helicopter"  # data/cockpit.yaml
 
 
 @dataclass(frozen=True)
-class Inceptor:
+class PlacedInceptor:
     """A control in one hand: the collective lever (left) or the cyclic stick (right).
 
     The node of its body is at the hinge or pivot. The lever's node has x along the lever and z along the hinge axis;
@@ -57,7 +57,7 @@ class Cockpit:
     """The cockpit around one pilot, all in world axes."""
 
     torso: dict[str, Pose]  # by side: gleno-humeral centre, torso axes (the torso leans on the seat back)
-    inceptors: dict[str, Inceptor]  # by side: left collective, right cyclic
+    inceptors: dict[str, PlacedInceptor]  # by side: left collective, right cyclic
     back_angle_deg: float
     seat_mode: str
     seat_shift_m: np.ndarray  # (2,) forward, up, from the middle of the travel
@@ -265,13 +265,13 @@ def _shoulder(body: Body, data: CockpitData, side: str, shift: np.ndarray) -> Po
     return np.array([x, y, z if side == "right" else -z]), _about_z(seat["back_angle_deg"])
 
 
-def _collective(data: Mapping[str, Any], length_m: float, position: float) -> Inceptor:
+def _collective(data: Mapping[str, Any], length_m: float, position: float) -> PlacedInceptor:
     low, high = float(data["lowest_angle_deg"]), float(data["highest_angle_deg"])
     middle = math.radians(0.5 * (low + high))
     hinge = np.array(data["grip_m"]) - length_m * np.array([math.cos(middle), math.sin(middle), 0.0])
     angle = low + position * (high - low)
     J = float(data["inertia_kg_m2"])
-    return Inceptor(
+    return PlacedInceptor(
         name="collective",
         side="left",
         pose=(hinge, _about_z(angle)),
@@ -284,10 +284,10 @@ def _collective(data: Mapping[str, Any], length_m: float, position: float) -> In
     )
 
 
-def _cyclic(data: Mapping[str, Any]) -> Inceptor:
+def _cyclic(data: Mapping[str, Any]) -> PlacedInceptor:
     length, J = float(data["length_m"]), float(data["inertia_kg_m2"])
     R = _about_z(float(data["tilt_deg"]))
-    return Inceptor(
+    return PlacedInceptor(
         name="cyclic",
         side="right",
         pose=(np.array(data["grip_m"]) - length * R[:, 1], R),

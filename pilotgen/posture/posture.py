@@ -19,7 +19,7 @@ import numpy as np
 
 from pilotgen.anthropometry.body import SEGMENTS, Body
 from pilotgen.errors import EvaluationError
-from pilotgen.posture.cockpit import Cockpit, Inceptor
+from pilotgen.posture.cockpit import Cockpit, PlacedInceptor
 from pilotgen.posture.kinematics import (
     JOINT_COORDINATES,
     SUFFIX,
@@ -168,7 +168,7 @@ def _lengths(geometry: ArmGeometry) -> tuple[float, float]:
     return upper, float(np.linalg.norm(geometry.W)) + float(np.linalg.norm(geometry.grip))
 
 
-def _check_reach(geometry: ArmGeometry, torso: Pose, inceptor: Inceptor) -> None:
+def _check_reach(geometry: ArmGeometry, torso: Pose, inceptor: PlacedInceptor) -> None:
     upper, lower = _lengths(geometry)
     distance = float(np.linalg.norm(inceptor.grip_world_m - torso[0]))
     if distance > upper + lower:
@@ -266,7 +266,7 @@ def _path_curvature(axes: np.ndarray, arms: np.ndarray, weights: np.ndarray) -> 
 # ---- what the solver found -------------------------------------------------------------------------------------------
 
 
-class NodePose(Protocol):
+class HasPose(Protocol):
     """A node of a solver's reply: position (3,) [m], orientation (3, 3), columns = node axes."""
 
     @property
@@ -304,7 +304,7 @@ class Posture:
         return angles
 
 
-def from_poses(body: Body, cockpit: Cockpit, nodes: Mapping[str, NodePose | Pose]) -> Posture:
+def from_poses(body: Body, cockpit: Cockpit, nodes: Mapping[str, HasPose | Pose]) -> Posture:
     """Joint angles of solved poses, checked against the ranges of motion.
 
     Parameters
@@ -345,7 +345,7 @@ def from_poses(body: Body, cockpit: Cockpit, nodes: Mapping[str, NodePose | Pose
     )
 
 
-def _pose(node: NodePose | Pose) -> Pose:
+def _pose(node: HasPose | Pose) -> Pose:
     return node if isinstance(node, tuple) else (node.position, node.orientation)
 
 

@@ -65,7 +65,7 @@ def locked_directory(directory: Path, resume: bool) -> Iterator[Path]:
 
 @dataclass
 class Progress:
-    """What a campaign has done so far."""
+    """What a batch has done so far."""
 
     evaluated: int = 0  # by workers, in this run
     served: int = 0  # from the journal
@@ -110,15 +110,15 @@ class Batch:
     max_failures: int | None = None
     retry_failed: bool = False
     on_result: Callable[[Mapping[str, Any]], None] | None = None
-    tally: Progress = field(default_factory=Progress)
+    progress: Progress = field(default_factory=Progress)
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Have the workers start and warm up with the study's nominal pilot while there is nothing to ask for yet.
 
         Only with an empty journal: another one may have all the answers.
         """
         if not len(self.journal):
-            self.workers.rehearse(self.function, self.make_task({}))
+            self.workers.warm_up(self.function, self.make_task({}))
 
     def evaluate(self, pilots: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
         """Result objects of these pilots, in their order; equal pilots are evaluated once."""
@@ -133,7 +133,7 @@ class Batch:
                 missing[key] = pilot
             else:
                 answers[key] = record.result
-                self.tally.served += 1
+                self.progress.served += 1
                 self._count(record.result)
         order = list(missing)
         tasks = [self.make_task(missing[key]) for key in order]
@@ -142,19 +142,19 @@ class Batch:
             result, cpu_s = _as_result(outcome, missing[key])
             self.journal.add(Record(key, dict(missing[key]), str(result["status"]), result, cpu_s))
             answers[key] = result
-            self.tally.evaluated += 1
-            self.tally.cpu_s += cpu_s
+            self.progress.evaluated += 1
+            self.progress.cpu_s += cpu_s
             self._count(result)
         return [answers[key] for key in keys]
 
     def _count(self, result: Mapping[str, Any]) -> None:
         if result["status"] != "ok":
-            self.tally.failed += 1
+            self.progress.failed += 1
         if self.on_result is not None:
             self.on_result(result)
-        if self.max_failures is not None and self.tally.failed > self.max_failures:
+        if self.max_failures is not None and self.progress.failed > self.max_failures:
             raise TooManyFailures(
-                f"{self.tally.failed} pilots failed, more than --max-failures {self.max_failures}; the last: "
+                f"{self.progress.failed} pilots failed, more than --max-failures {self.max_failures}; the last: "
                 f"{result.get('stage', '')}: {result.get('reason', '')}"
             )
 

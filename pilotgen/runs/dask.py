@@ -50,7 +50,7 @@ class DaskWorkers:
                 f"--scheduler {address}: no dask scheduler answers there ({error}); start one with: dask scheduler"
             ) from None
 
-    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
+    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None:
         """Nothing: a cluster's workers have been at it for a while, or come later."""
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:

@@ -37,7 +37,7 @@ MAX_ATTEMPTS = 3
 _IN_FLIGHT = 2
 _FITS_A_PIPE_BYTES = 16384
 
-_REHEARSED = b""  # what a worker sends when its rehearsal is over; answers are never empty
+_WARMED_UP = b""  # what a worker sends when its warm-up is over; answers are never empty
 
 _PATIENCE_S = 5.0  # of those who end workers, before they kill
 _PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -68,7 +68,7 @@ def _signals_wait() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(pipe: Connection, not_ours: list[Connection], parent: int, rehearsal: Rehearsal | None) -> None:
+def _work(pipe: Connection, not_ours: list[Connection], parent: int, warm_up: WarmUp | None) -> None:
     """A worker's life: it leaves Ctrl-C to its parent, and goes when told to or when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # solvers started here inherit this
     signal.signal(signal.SIGTERM, _leave)
@@ -79,9 +79,9 @@ def _work(pipe: Connection, not_ours: list[Connection], parent: int, rehearsal: 
     for other in not_ours:  # inherited; a pipe ends when its last holder is gone
         other.close()
     try:
-        if rehearsal is not None:
-            _rehearse(*rehearsal)
-            pipe.send_bytes(_REHEARSED)
+        if warm_up is not None:
+            _warm_up(*warm_up)
+            pipe.send_bytes(_WARMED_UP)
         _serve(pipe)
     except (EOFError, OSError):  # the parent wants no more
         return
@@ -98,7 +98,7 @@ def _serve(pipe: Connection) -> None:
         pipe.send_bytes(answer)
 
 
-def _rehearse(function: Callable[[Any], Any], task: Any) -> None:
+def _warm_up(function: Callable[[Any], Any], task: Any) -> None:
     # What is wrong with this task is nobody's business; what is wrong with all tasks, the first one will tell.
     with suppress(Exception):
         function(task)
@@ -132,10 +132,10 @@ class WorkerLost:
 class Workers(Protocol):
     """Anything that runs `function(task)` for many tasks and yields (index, result) as they finish.
 
-    A rehearsal is a task without an answer, which those who have processes of their own may give them to warm up.
+    A warm-up is a task without an answer, which those who have processes of their own may give them to warm up.
     """
 
-    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None: ...
+    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None: ...
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]: ...
 
@@ -145,7 +145,7 @@ class Workers(Protocol):
 class SerialWorkers:
     """No workers at all: everything in this process, in order."""
 
-    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
+    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None:
         """Nobody to warm up."""
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
@@ -156,7 +156,7 @@ class SerialWorkers:
         """Nothing to close."""
 
 
-Rehearsal = tuple[Callable[[Any], Any], Any]  # a function and a task
+WarmUp = tuple[Callable[[Any], Any], Any]  # a function and a task
 
 
 @dataclass
@@ -166,7 +166,7 @@ class _Worker:
     process: BaseProcess
     pipe: Connection
     given: deque[int]
-    rehearsing: bool  # not yet at the first of these
+    warming_up: bool  # not yet at the first of these
 
 
 class ProcessWorkers:
@@ -183,7 +183,7 @@ class ProcessWorkers:
         self._workers: list[_Worker] = []
         self._poll = select.poll()  # of their pipes
 
-    def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
+    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None:
         """Start the processes, each with `function(task)`, and do not wait: they are at it while we get ready."""
         while len(self._workers) < self.count:
             self._start((function, task))
@@ -201,12 +201,12 @@ class ProcessWorkers:
                     try:
                         message = worker.pipe.recv_bytes()
                     except (EOFError, OSError):  # what it had sent was read before
-                        lost = self._bury(worker, waiting, deaths)
+                        lost = self._handle_death(worker, waiting, deaths)
                         if lost is not None:
                             yield lost
                         continue
-                    if message == _REHEARSED:
-                        worker.rehearsing = False
+                    if message == _WARMED_UP:
+                        worker.warming_up = False
                         continue
                     index, succeeded, result = pickle.loads(message)
                     worker.given.remove(index)
@@ -231,16 +231,16 @@ class ProcessWorkers:
                 worker.pipe.close()
             self._wait_for_ends()
 
-    def _start(self, rehearsal: Rehearsal | None = None) -> None:
+    def _start(self, warm_up: WarmUp | None = None) -> None:
         context = multiprocessing.get_context("fork")  # cheap; this process has no threads of its own
         ours, theirs = context.Pipe()
         not_ours = [ours, *(worker.pipe for worker in self._workers)]
         process = context.Process(
-            target=_work, args=(theirs, not_ours, os.getpid(), rehearsal), daemon=True, name="pilotgen worker"
+            target=_work, args=(theirs, not_ours, os.getpid(), warm_up), daemon=True, name="pilotgen worker"
         )
         with _signals_wait():
             process.start()
-            self._workers.append(_Worker(process, ours, deque(), rehearsal is not None))
+            self._workers.append(_Worker(process, ours, deque(), warm_up is not None))
             self._poll.register(ours, select.POLLIN)
         theirs.close()
 
@@ -250,7 +250,7 @@ class ProcessWorkers:
                 if not waiting or len(worker.given) > depth:
                     continue
                 message = pickle.dumps((waiting[0], function, tasks[waiting[0]]))
-                if (worker.given or worker.rehearsing) and len(message) > _FITS_A_PIPE_BYTES:
+                if (worker.given or worker.warming_up) and len(message) > _FITS_A_PIPE_BYTES:
                     continue
                 with suppress(OSError):  # it died: `_ready` finds out
                     worker.given.append(waiting.popleft())
@@ -261,13 +261,13 @@ class ProcessWorkers:
         events = dict(self._poll.poll())
         return [worker for worker in self._workers if worker.pipe.fileno() in events]
 
-    def _bury(self, worker: _Worker, waiting: deque[int], deaths: list[int]) -> tuple[int, WorkerLost] | None:
+    def _handle_death(self, worker: _Worker, waiting: deque[int], deaths: list[int]) -> tuple[int, WorkerLost] | None:
         """Forget a dead worker. The task it was at comes last, or back as lost; the one behind it is not suspected."""
         self._workers.remove(worker)
         self._poll.unregister(worker.pipe)
         worker.pipe.close()
         _end(worker.process)
-        if worker.rehearsing:  # none of its tasks was begun
+        if worker.warming_up:  # none of its tasks was begun
             waiting.extendleft(reversed(worker.given))
             return None
         if not worker.given:

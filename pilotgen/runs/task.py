@@ -49,11 +49,11 @@ def keep_freed_memory() -> None:
         mallopt(_M_TRIM_THRESHOLD, 256 << 20)
 
 
-_BENCHES: dict[tuple[Any, ...], EvaluationContext] = {}
+_CONTEXTS: dict[tuple[Any, ...], EvaluationContext] = {}
 
 
 def run_task(task: Task) -> tuple[dict[str, Any], float]:
-    """Evaluate one pilot in a worker process, which keeps its workbench from pilot to pilot.
+    """Evaluate one pilot in a worker process, which keeps its evaluation context from pilot to pilot.
 
     Returns
     -------
@@ -61,11 +61,11 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
         The result object, and the CPU time spent on it in s: this process and the solver's own account.
     """
     key = (task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s, task.fingerprint)
-    context = _BENCHES.get(key)
+    context = _CONTEXTS.get(key)
     if context is None:
-        for old in _BENCHES.values():
+        for old in _CONTEXTS.values():
             old.close()
-        _BENCHES.clear()
+        _CONTEXTS.clear()
         keep_freed_memory()
         study: Study = pickle.loads(task.study)
         if task.fingerprint is not None and fingerprint(study, task.mbdae, task.solver) != task.fingerprint:
@@ -73,7 +73,7 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
                 f"the worker on {platform.node()} has another pilotgen (code, data, templates) or another solver than "
                 "this run; install the same on every machine"
             )
-        context = _BENCHES[key] = EvaluationContext(study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
+        context = _CONTEXTS[key] = EvaluationContext(study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
         _close_at_exit(context)
     start_cpu, start_solver = time.process_time(), context.solver_seconds
     outcome: Evaluation | FailedEvaluation

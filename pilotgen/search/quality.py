@@ -19,7 +19,7 @@ from pilotgen.study.study import SearchSettings
 
 
 @dataclass(frozen=True)
-class Comparison:
+class AgainstNsga2:
     """One seed: both algorithms from the same first population, with the same number of evaluations."""
 
     seed: int
@@ -43,7 +43,7 @@ def compare_with_nsga2(
     evaluate: Callable[[np.ndarray], np.ndarray],
     seeds: Iterable[int],
     reference: np.ndarray | None = None,
-) -> list[Comparison]:
+) -> list[AgainstNsga2]:
     """Run both algorithms for each seed.
 
     Parameters
@@ -74,6 +74,6 @@ def compare_with_nsga2(
         else:
             point = np.asarray(reference)
         comparisons.append(
-            Comparison(seed, len(result.F), final_hypervolume(result, point), final_hypervolume(other, point))
+            AgainstNsga2(seed, len(result.F), final_hypervolume(result, point), final_hypervolume(other, point))
         )
     return comparisons

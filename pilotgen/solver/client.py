@@ -197,7 +197,7 @@ class SolverClient:
         Raises
         ------
         SolverError
-            stage "solver": the solver refused the deck, did not converge, died, took too long or broke the protocol.
+            stage "solver": the solver refused the deck, did not converge, died, took too long or made a protocol error.
         """
         running = self._alive()
         request_id = self._next_id
@@ -250,15 +250,15 @@ class SolverClient:
             return f"mbdae did not answer on {name} within {limit_s:g} s and was stopped"
         if lost.nonsense:
             running.end()
-            return f"mbdae broke the protocol on {name}: {lost.nonsense}"
+            return f"protocol error of mbdae on {name}: {lost.nonsense}"
         code = running.wait_for_end()
-        words = running.last_words()
+        lines = running.last_stderr_lines()
         running.end()
         if code is not None and code < 0:
             how = f"died with signal {signal_name(-code)}"
         else:
             how = f"ended with exit code {code}" if code is not None else "closed its output"
-        return f"mbdae {how} on {name}" + (f"; its last words: {words}" if words else "")
+        return f"mbdae {how} on {name}" + (f"; its last stderr lines: {lines}" if lines else "")
 
 
 class _Lost(Exception):
@@ -353,7 +353,7 @@ class _Running:
         except subprocess.TimeoutExpired:
             return None
 
-    def last_words(self) -> str:
+    def last_stderr_lines(self) -> str:
         """The last line on standard error, shortened."""
         self._stderr.seek(0, os.SEEK_END)
         self._stderr.seek(max(0, self._stderr.tell() - 4096))

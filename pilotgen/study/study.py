@@ -164,11 +164,6 @@ class Study:
     path: str = ""  # what messages call the file
     lines: dict[KeyPath, int] = field(default_factory=dict, repr=False, compare=False)
 
-    @property
-    def variable_names(self) -> tuple[str, ...]:
-        """Names of all values that define one pilot of this study, in a fixed order."""
-        return tuple(self.nominal)
-
     def where(self, *keys: str | int) -> str:
         """Return `file:line` of a key, for messages of the rooms that check its meaning later."""
         return YamlDocument(None, self.path, self.text, self.lines).where(keys)

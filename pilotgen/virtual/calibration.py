@@ -205,7 +205,6 @@ class Subject:
         self.pilot: SolvedPilot = solve_pilot(context, values)
         assert self.pilot.matrices is not None
         self._lengths = self.pilot.matrices.muscle_lengths
-        self.linearisations = 0
 
     def model(self, gains: Reflex) -> PilotModel:
         """The pilot's feedthrough with these gains, without washout."""
@@ -219,7 +218,6 @@ class Subject:
             gains=gains,
             c=study.pilot.matrix_coefficient_s,
         )
-        self.linearisations += 1
         matrices = linearise_direct(self._bench, text, self._bench.scratch)
         return make_pilot_model(matrices, lever_length_m=study.inceptor.lever_length_m)
 

@@ -185,7 +185,7 @@ def test_second_run_on_the_same_directory_is_refused(tmp_path: Path) -> None:
 
 REASONS = {  # misdeed of tests/faulty_mbdae.py -> stage and reason of the failed pilot
     "crash": ("solver", "mbdae died with signal SIGSEGV on pilot.mbd"),
-    "exit": ("solver", "mbdae ended with exit code 3 on pilot.mbd; its last words: faulty_mbdae: out of ideas"),
+    "exit": ("solver", "mbdae ended with exit code 3 on pilot.mbd; its last stderr lines: faulty_mbdae: out of ideas"),
     "hang": ("solver", "mbdae did not answer on pilot.mbd within 2 s and was stopped"),
     "other id": ("solver", "reply to request 10000000 where"),
     "garbage": ("solver", "not JSON"),

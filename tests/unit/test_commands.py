@@ -173,7 +173,7 @@ def test_solver_that_is_no_solver(run: Run, tmp_path: Path) -> None:
     solver.chmod(0o755)
     code, _, err = run("pilot", QUICK, "-o", tmp_path / "out", "--mbdae", solver)
     assert code == 2
-    assert "broke the protocol" in err
+    assert "protocol error" in err
 
 
 def test_mbdyn_that_is_not_there(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

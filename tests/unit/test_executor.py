@@ -149,21 +149,21 @@ def wait_for(marker: str) -> int:
     return os.getpid()
 
 
-def test_rehearsals_are_not_waited_for_and_have_no_result(tmp_path: Path) -> None:
+def test_warm_ups_are_not_waited_for_and_have_no_result(tmp_path: Path) -> None:
     workers, marker = ProcessWorkers(2), tmp_path / "go"
-    workers.rehearse(wait_for, str(marker))
+    workers.warm_up(wait_for, str(marker))
     marker.touch()  # had it been waited for, nobody would make this
     answers = dict(workers.run(wait_for, [str(marker), str(marker)]))
     workers.close()
     assert sorted(answers) == [0, 1]
-    for pid in answers.values():  # each worker had finished its rehearsal before it answered
+    for pid in answers.values():  # each worker had finished its warm-up before it answered
         assert len((tmp_path / f"go.{pid}").read_text()) == 1 + list(answers.values()).count(pid)
 
 
 @pytest.mark.parametrize("what", ["die", "fail"])
-def test_what_happens_in_a_rehearsal_does_not_count(what: str) -> None:
+def test_what_happens_in_a_warm_up_does_not_count(what: str) -> None:
     workers = ProcessWorkers(2)
-    workers.rehearse(die_or_fail, what)
+    workers.warm_up(die_or_fail, what)
     assert dict(workers.run(square, list(range(20)))) == {i: i * i for i in range(20)}
     workers.close()
 
@@ -176,23 +176,23 @@ def note_and_die(task: tuple[float, str]) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_a_death_in_the_rehearsal_is_no_death_of_a_task(tmp_path: Path) -> None:
+def test_a_death_in_the_warm_up_is_no_death_of_a_task(tmp_path: Path) -> None:
     workers = ProcessWorkers(1)
-    workers.rehearse(note_and_die, (0.1, str(tmp_path / "rehearsed")))
+    workers.warm_up(note_and_die, (0.1, str(tmp_path / "warmed_up")))
     (lost,) = workers.run(note_and_die, [(0.0, str(tmp_path / "done"))])
     workers.close()
     assert isinstance(lost[1], WorkerLost)
-    assert (tmp_path / "rehearsed").read_text() == "x"
+    assert (tmp_path / "warmed_up").read_text() == "x"
     assert (tmp_path / "done").read_text() == MAX_ATTEMPTS * "x"
 
 
-def test_workers_at_their_rehearsal_take_large_tasks_and_can_be_stopped() -> None:
+def test_workers_at_their_warm_up_take_large_tasks_and_can_be_stopped() -> None:
     workers = ProcessWorkers(2)
-    workers.rehearse(time.sleep, 0.2)
+    workers.warm_up(time.sleep, 0.2)
     texts = ["y" * size for size in (5_000_000, 10, 3_000_000)]
     assert dict(workers.run(len, texts)) == {0: 5_000_000, 1: 10, 2: 3_000_000}
     workers.close()
-    workers.rehearse(time.sleep, 60.0)
+    workers.warm_up(time.sleep, 60.0)
     pids = [worker.process.pid for worker in workers._workers]
     workers._stop()  # what an interrupted run does
     for pid in pids:

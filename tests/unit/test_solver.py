@@ -196,7 +196,7 @@ def test_a_solver_that_lies_is_caught(tmp_path: Path, body: str, words: str) -> 
     if words.startswith("more"):
         body = 'text = json.dumps(reply) + "\\n"\nsys.stdout.write(text + text); sys.stdout.flush()'
     with SolverClient(fake(tmp_path, body)) as client:
-        with pytest.raises(SolverError, match="mbdae broke the protocol on deck.mbd") as caught:
+        with pytest.raises(SolverError, match="protocol error of mbdae on deck.mbd") as caught:
             client.request("check")
         assert words in caught.value.reason
         assert client.pid is None

@@ -1,4 +1,4 @@
-"""A campaign evaluates each pilot once, records it, and serves it again."""
+"""A batch evaluates each pilot once, records it, and serves it again."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ def evaluate(task: dict[str, float]) -> tuple[dict[str, Any], float]:
     return {"status": "ok", "loop": {"gain_margin_db": 2.0 * x}}, 0.01
 
 
-def _campaign(journal: Journal, **options: Any) -> Batch:
+def _batch(journal: Journal, **options: Any) -> Batch:
     return Batch(journal, SerialWorkers(), evaluate, dict, "fingerprint", **options)
 
 
 def test_each_pilot_once_and_in_order(tmp_path: Path) -> None:
     pilots = [{"stature_m": x} for x in (1.6, 1.7, 1.6, 2.1)]
     with Journal(tmp_path / "j.sqlite") as journal:
-        campaign = _campaign(journal)
-        results = campaign.evaluate(pilots)
+        batch = _batch(journal)
+        results = batch.evaluate(pilots)
         assert [r["status"] for r in results] == ["ok", "ok", "ok", "failed"]
         assert results[0]["loop"]["gain_margin_db"] == 3.2
-        assert (campaign.tally.evaluated, campaign.tally.served, campaign.tally.failed) == (3, 0, 1)
-        again = _campaign(journal)
+        assert (batch.progress.evaluated, batch.progress.served, batch.progress.failed) == (3, 0, 1)
+        again = _batch(journal)
         assert again.evaluate(pilots) == results
-        assert (again.tally.evaluated, again.tally.served, again.tally.failed) == (0, 3, 1)
+        assert (again.progress.evaluated, again.progress.served, again.progress.failed) == (0, 3, 1)
         other = Batch(journal, SerialWorkers(), evaluate, dict, "another fingerprint")
         other.evaluate(pilots[:1])
-        assert other.tally.evaluated == 1
-        retry = _campaign(journal, retry_failed=True)
+        assert other.progress.evaluated == 1
+        retry = _batch(journal, retry_failed=True)
         retry.evaluate(pilots)
-        assert (retry.tally.evaluated, retry.tally.served) == (1, 2)
+        assert (retry.progress.evaluated, retry.progress.served) == (1, 2)
 
 
 def test_workers_in_other_processes_give_the_same(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_too_many_failures_stop_a_hopeless_study(tmp_path: Path) -> None:
         with pytest.raises(
             TooManyFailures, match="3 pilots failed, more than --max-failures 2; the last: posture: elbow"
         ):
-            _campaign(journal, max_failures=2).evaluate(pilots)
+            _batch(journal, max_failures=2).evaluate(pilots)
         assert len(journal) == 3  # what was done is kept
 
 
@@ -121,18 +121,18 @@ def test_unusable_output_directories_are_explained(tmp_path: Path) -> None:
             pass
 
 
-def test_workers_rehearse_when_the_journal_is_empty_only(tmp_path: Path) -> None:
-    rehearsed: list[Any] = []
+def test_workers_warm_up_when_the_journal_is_empty_only(tmp_path: Path) -> None:
+    warmed_up: list[Any] = []
 
     class Players(SerialWorkers):
-        def rehearse(self, function: Callable[[Any], Any], task: Any) -> None:
-            rehearsed.append((function, task))
+        def warm_up(self, function: Callable[[Any], Any], task: Any) -> None:
+            warmed_up.append((function, task))
 
     with Journal(tmp_path / "j.sqlite") as journal:
-        campaign = Batch(journal, Players(), evaluate, lambda values: {"stature_m": 1.8, **values}, "fingerprint")
-        campaign.rehearse()
-        assert rehearsed == [(evaluate, {"stature_m": 1.8})]
-        assert campaign.tally.done == len(journal) == 0
-        campaign.evaluate([{"stature_m": 1.7}])
-        campaign.rehearse()
-    assert len(rehearsed) == 1
+        batch = Batch(journal, Players(), evaluate, lambda values: {"stature_m": 1.8, **values}, "fingerprint")
+        batch.warm_up()
+        assert warmed_up == [(evaluate, {"stature_m": 1.8})]
+        assert batch.progress.done == len(journal) == 0
+        batch.evaluate([{"stature_m": 1.7}])
+        batch.warm_up()
+    assert len(warmed_up) == 1

@@ -14,7 +14,7 @@ import termios
 
 import pytest
 
-from pilotgen.progress import ProgressLine, counted, format_duration
+from pilotgen.progress_line import ProgressLine, counted, format_duration
 
 LONG = "generation 1/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | at most 0:12 left"
 
