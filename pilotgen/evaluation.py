@@ -355,4 +355,13 @@ def _close_loop(context: EvaluationContext, model: PilotModel) -> tuple[LoopMode
     loop = LoopModel(
         pilot, context.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions()
     )
-    return loop, margins(loop)
+    verdict = margins(loop)
+    if verdict.stable is None:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
+        assert verdict.largest_real_part is not None
+        low, high = verdict.largest_real_part
+        raise EvaluationError(
+            "margins",
+            f"whether the closed loop is stable cannot be told: its largest real part lies between {low:.3g} and "
+            f"{high:.3g} rad/s, and {loop.open_loop.n_states} states are too many for exact arithmetic",
+        )
+    return loop, verdict

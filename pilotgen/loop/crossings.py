@@ -26,7 +26,7 @@ _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| belo
 _FLAT = 1e-8  # a touch at both ends of an interval with slopes (times its length) below this lasts the whole interval
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
-_FAINT, _HUGE = 1e-10, 1e10  # |L| beyond which (200 dB) a crossing is of no interest and often round-off
+FAINT, HUGE = 1e-10, 1e10  # |L| beyond which (200 dB) a crossing is of no interest and often round-off
 _MAX_NEWTON = 100
 
 
@@ -42,13 +42,16 @@ class Points:
 class LocusFeatures:
     """Crossings by rising frequency, and the points nearest to -1 in two senses.
 
-    `nearest` minimises |1 + L|, `disk` minimises 2 |1 + L| / |1 - L|; one point each.
+    `nearest` minimises |1 + L|, `disk` minimises 2 |1 + L| / |1 - L|; one point each, with these values.
     """
 
     real_axis: Points
     unit_circle: Points
     nearest: Points
     disk: Points
+    distance: float
+    alpha: float
+    doubtful: bool = False
 
 
 def _bernstein_root(f: FloatArray) -> FloatArray:
@@ -120,7 +123,8 @@ class _Search:
         self._give_up(undecided)
         self._queue_minima(grid)
         nearest, disk = self._polish_all(grid)
-        return LocusFeatures(self._points(_REAL_AXIS), self._points(_UNIT_CIRCLE), nearest, disk)
+        distance, ratio = float(_distance(nearest.L)[0]), float(_disk_size(disk.L)[0])
+        return LocusFeatures(self._points(_REAL_AXIS), self._points(_UNIT_CIRCLE), nearest, disk, distance, 2.0 * ratio)
 
     # Deciding
 
@@ -130,8 +134,8 @@ class _Search:
         axis, axis_error = P.imag.copy(), v.error.copy()
         biggest = np.abs(P).max(axis=1)
         # Some of it may be in the left half plane, and of a size that counts.
-        left = (P.real.min(axis=1) <= v.error) & (biggest > _FAINT)
-        left &= np.minimum(np.abs(v.L0), np.abs(v.L1)) < _HUGE
+        left = (P.real.min(axis=1) <= v.error) & (biggest > FAINT)
+        left &= np.minimum(np.abs(v.L0), np.abs(v.L1)) < HUGE
         for i in np.nonzero(v.from_end)[0]:
             end = self.locus.end_of(bool(v.tail[i]))
             left[i] = True
@@ -163,7 +167,7 @@ class _Search:
         bend = slope[:, 1:] - slope[:, :-1]
         monotone = (slope > margin).all(axis=1) | (slope < -margin).all(axis=1)
         convex = (bend > margin).all(axis=1) | (bend < -margin).all(axis=1)
-        turning = convex & ~crossed & ~v.from_end[i] & (slope[:, 0] * slope[:, -1] < 0.0)
+        turning = convex & ~crossed & ~v.from_end[i] & ((slope[:, 0] < 0.0) != (slope[:, -1] < 0.0))
         bracket = crossed & (monotone | convex)
         # Between ends of one sign a convex function has no root if it bends away from zero or does not turn.
         clear = ~crossed & (
@@ -203,7 +207,7 @@ class _Search:
     def _ends(self) -> None:
         for omega, end in ((0.0, self.locus.zero), (math.inf, self.locus.infinity)):
             if end is not None and end.order == 0:
-                if -_HUGE < end.K0 < -_FAINT:
+                if -HUGE < end.K0 < -FAINT:
                     self.found[_REAL_AXIS].append((omega, complex(end.K0)))
                 if abs(abs(end.K0) - 1.0) <= _TOUCH:
                     self.found[_UNIT_CIRCLE].append((omega, complex(end.K0)))
@@ -322,7 +326,7 @@ class _Search:
         return x, L_at, size_at
 
     def _keep(self, kind: int, x: float, tail: bool, L: complex) -> None:
-        if kind == _UNIT_CIRCLE or -_HUGE < L.real < -_FAINT:
+        if kind == _UNIT_CIRCLE or -HUGE < L.real < -FAINT:
             self.found[kind].append((_omega(x, tail), L))
 
     def _points(self, kind: int) -> Points:

@@ -13,11 +13,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from pilotgen.errors import PilotgenError
-from pilotgen.linear.statespace import ComplexArray, StateSpaceModel
+from pilotgen.linear.partial_fractions import PartialFractions
+from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.crossings import LocusFeatures, Points, locus_features
 from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.verified import affordable, verified
 
 _TWO_PI = 2.0 * math.pi
 _EPS = float(np.finfo(float).eps)
@@ -58,8 +61,9 @@ class Margins:
 
     Parameters
     ----------
-    stable : bool
-        All closed-loop eigenvalues lie in the open left half plane.
+    stable : bool or None
+        All closed-loop eigenvalues lie in the open left half plane; None if that cannot be told (`largest_real_part`
+        says why), and then gain, phase, delay and disk margin are NaN.
     gain_margin_db, gain_margin_hz : float, float or None
         Smallest |20 log10 |L|| over the real-axis crossings; negative if not stable.
     phase_margin_deg, phase_margin_hz : float, float or None
@@ -72,9 +76,12 @@ class Margins:
         Balanced disk margin alpha = min 2 |1 + L| / |1 - L|; 0 if not stable.
     crossings : tuple of Crossing
         All of them, by rising frequency.
+    largest_real_part : tuple of float, optional
+        Where stability cannot be told: an interval [rad/s] that holds the largest real part of the closed-loop
+        eigenvalues, zero included.
     """
 
-    stable: bool
+    stable: bool | None
     gain_margin_db: float
     gain_margin_hz: float | None
     phase_margin_deg: float
@@ -85,6 +92,7 @@ class Margins:
     disk_margin: float
     disk_margin_hz: float
     crossings: tuple[Crossing, ...]
+    largest_real_part: tuple[float, float] | None = None
 
     @property
     def disk_gain_margin_db(self) -> float:
@@ -99,8 +107,8 @@ class Margins:
         return math.degrees(2.0 * math.atan(0.5 * self.disk_margin))
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-ready values; None where a margin or frequency is infinite or absent."""
-        return {
+        """JSON-ready values; None where a margin or frequency is infinite, absent or not told."""
+        told = {
             "stable": self.stable,
             "gain_margin_db": _json(self.gain_margin_db),
             "gain_margin_hz": _json(self.gain_margin_hz),
@@ -121,10 +129,15 @@ class Margins:
                 for crossing in self.crossings
             ],
         }
+        return told if self.largest_real_part is None else {**told, "largest_real_part": list(self.largest_real_part)}
 
 
 def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     """All margins of a loop closed with unity negative feedback.
+
+    A LoopModel, a pilot on a rotorcraft, is judged in double precision with error bounds; whatever these leave open is
+    handed to exact arithmetic. A StateSpaceModel may be anything: it goes to exact arithmetic at once. Loops too large
+    for that keep the answer of double precision; where it cannot tell stability, `stable` is None.
 
     Parameters
     ----------
@@ -136,14 +149,33 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     PilotgenError
         The loop's eigenvalues cannot be computed.
     """
-    model = loop.open_loop if isinstance(loop, LoopModel) else loop
-    stable = is_stable(model)
-    if model.n_states == 0 or not model.B.any() or not model.C.any():
-        features = _constant(model.D)
+    if isinstance(loop, LoopModel):
+        model, fractions, quick = loop.open_loop, loop.partial_fractions, True
     else:
-        features = locus_features(model, loop.partial_fractions if isinstance(loop, LoopModel) else None)
-    sign = 1.0 if stable else -1.0
+        model, fractions, quick = loop, None, False
+    exact = affordable(model)
+    if quick or not exact:
+        largest = largest_real_part(model)
+        features = _features(model, fractions)
+        told = largest is None or not largest[0] <= 0.0 <= largest[1]
+        if (told and not features.doubtful) or not exact:
+            stable = (largest is not None and largest[1] < 0.0) if told else None
+            return _margins(model, stable, features, None if told else largest)
+    answer = verified(model)
+    return _margins(model, answer.stable, answer.features, None)
 
+
+def _features(model: StateSpaceModel, fractions: PartialFractions | None) -> LocusFeatures:
+    if model.n_states == 0 or not model.B.any() or not model.C.any():
+        return _constant(model.D)
+    return locus_features(model, fractions)
+
+
+def _margins(
+    model: StateSpaceModel, stable: bool | None, features: LocusFeatures, interval: tuple[float, float] | None
+) -> Margins:
+    sign = math.nan if stable is None else 1.0 if stable else -1.0
+    none = math.nan if stable is None else 0.0
     axis, circle = features.real_axis, features.unit_circle
     gain, gain_hz = math.inf, None
     if axis.L.size:
@@ -155,44 +187,42 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
         degrees = np.degrees(np.abs(np.angle(-circle.L)))
         i = int(degrees.argmin())
         phase, phase_hz = float(degrees[i]), float(circle.omega[i]) / _TWO_PI
-    nearest, disk = features.nearest, features.disk
-    alpha = float(np.abs(1.0 + disk.L[0]) * 2.0) / float(np.abs(1.0 - disk.L[0]) or _EPS)
     return Margins(
         stable=stable,
         gain_margin_db=sign * gain,
         gain_margin_hz=gain_hz,
         phase_margin_deg=sign * phase,
         phase_margin_hz=phase_hz,
-        modulus_margin=float(np.abs(1.0 + nearest.L[0])),
-        modulus_margin_hz=float(nearest.omega[0]) / _TWO_PI,
-        delay_margin_s=_delay_margin(model.D, circle) if stable else 0.0,
-        disk_margin=alpha if stable else 0.0,
-        disk_margin_hz=float(disk.omega[0]) / _TWO_PI,
+        modulus_margin=features.distance,
+        modulus_margin_hz=float(features.nearest.omega[0]) / _TWO_PI,
+        delay_margin_s=_delay_margin(model.D, circle) if stable else none,
+        disk_margin=features.alpha if stable else none,
+        disk_margin_hz=float(features.disk.omega[0]) / _TWO_PI,
         crossings=_crossings(axis, circle),
+        largest_real_part=interval,
     )
 
 
-def closed_loop_poles(model: StateSpaceModel) -> ComplexArray | None:
-    """Eigenvalues [rad/s] of the closed loop, or None if 1 + L(infinity) = 0 (ill-posed)."""
+def largest_real_part(model: StateSpaceModel) -> tuple[float, float] | None:
+    """An interval [rad/s] that holds the largest real part of the closed loop's eigenvalues.
+
+    None if the loop is ill-posed, 1 + L(infinity) = 0. The eigenvalues come with round-off: those computed belong to a
+    matrix that differs by n eps times its norm, and move by that times the condition of the eigenvectors at most
+    (Bauer and Fike). Defective eigenvalues therefore give a wide interval, and so do fast ones beside slow ones.
+    """
     if model.D == -1.0:
         return None
-    return np.asarray(np.linalg.eigvals(model.A - model.B[:, None] * (model.C / (1.0 + model.D))), dtype=complex)
-
-
-def is_stable(model: StateSpaceModel) -> bool:
-    """Whether the loop closed with unity negative feedback is stable, from its eigenvalues.
-
-    An eigenvalue on the imaginary axis to within round-off is not stable; neither is an ill-posed loop.
-    """
+    n = model.n_states
+    if n == 0:
+        return -math.inf, -math.inf
     try:
-        poles = closed_loop_poles(model)
+        A, _ = scipy.linalg.matrix_balance(model.A - model.B[:, None] * (model.C / (1.0 + model.D)), permute=False)
+        poles, vectors = np.linalg.eig(A)
     except np.linalg.LinAlgError as error:
         raise PilotgenError(f"the closed loop's eigenvalues cannot be computed: {error}") from error
-    if poles is None:
-        return False
-    if poles.size == 0:
-        return True
-    return float(poles.real.max()) < -poles.size * _EPS * float(np.abs(poles).max())
+    reach = n * _EPS * float(np.linalg.norm(A)) * float(np.linalg.cond(vectors))
+    top = float(poles.real.max())
+    return top - reach, top + reach
 
 
 def _delay_margin(D: float, circle: Points) -> float:
@@ -210,7 +240,10 @@ def _constant(D: float) -> LocusFeatures:
     """A loop without dynamics: one point, at every frequency; named by omega = 0."""
     point = Points(np.zeros(1), np.array([D], dtype=complex))
     none = Points(np.zeros(0), np.zeros(0, dtype=complex))
-    return LocusFeatures(point if D < 0.0 else none, point if abs(D) == 1.0 else none, point, point)
+    alpha = 2.0 * abs(1.0 + D) / abs(1.0 - D) if D != 1.0 else math.inf
+    return LocusFeatures(
+        point if D < 0.0 else none, point if abs(D) == 1.0 else none, point, point, abs(1.0 + D), alpha
+    )
 
 
 def _crossings(axis: Points, circle: Points) -> tuple[Crossing, ...]:

@@ -7,17 +7,22 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pilotgen import evaluation
+from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
 from pilotgen.linear.statespace import StateSpaceModel, series, transfer_function, zeros_poles_gain
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.objectives import DEFAULT_OBJECTIVES, ranked_objectives
 from pilotgen.study.rotorcraft import load_rotorcraft
+from pilotgen.study.study import read_study
 
+ROOT = Path(__file__).parents[2]
 PUMA = HeaveModel(load_rotorcraft("iar330-puma"))
 TWO_PI = 2.0 * math.pi
 
@@ -268,3 +273,36 @@ def test_state_coordinates_do_not_matter() -> None:
     a, b = margins(model), margins(turned)
     assert a.phase_margin_deg == pytest.approx(b.phase_margin_deg, abs=1e-9)
     assert len(a.crossings) == len(b.crossings)
+
+
+def many_light_modes(damping: float) -> StateSpaceModel:
+    """Fifty equal modes in a row, lightly damped: too many states for exact arithmetic, too defective for doubles."""
+    A = np.zeros((100, 100))
+    for k in range(0, 100, 2):
+        A[k : k + 2, k : k + 2] = [[-2.0 * damping, -1.0], [1.0, 0.0]]
+        if k:
+            A[k, k - 1] = 1.0
+    return StateSpaceModel(A, np.eye(100)[0], 1e-30 * np.eye(100)[99], 0.0)
+
+
+def test_what_cannot_be_told_is_not_guessed() -> None:
+    m = margins(many_light_modes(1e-6))
+    assert m.stable is None and m.largest_real_part is not None
+    low, high = m.largest_real_part
+    assert low < 0.0 < high
+    told = json.loads(json.dumps(m.as_dict(), allow_nan=False))
+    assert told["stable"] is None and told["gain_margin_db"] is None and told["disk_margin"] is None
+    assert told["delay_margin_s"] is None and told["phase_margin_deg"] is None
+    assert told["largest_real_part"] == [low, high]
+
+
+def test_a_pilot_whose_stability_cannot_be_told_is_a_failed_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    study = read_study(ROOT / "docs" / "studies" / "puma-mayo.yaml")
+    with EvaluationContext(study) as context:
+        assert study.search is not None
+        values = study.values({name: 0.5 * (low + high) for name, (low, high) in study.search.variables.items()})
+        assert isinstance(evaluate(context, values), Evaluation)
+        monkeypatch.setattr(evaluation, "margins", lambda loop: margins(many_light_modes(1e-6)))
+        failed = evaluate(context, values)
+    assert isinstance(failed, FailedEvaluation)
+    assert failed.stage == "margins" and "cannot be told" in failed.reason
