@@ -9,10 +9,13 @@
 #include <string>
 
 #include "mbdae/deck/deck.h"
+#include "mbdae/elements/deformable_axial_joint.h"
+#include "mbdae/elements/deformable_displacement_joint.h"
 #include "mbdae/elements/deformable_hinge.h"
 #include "mbdae/elements/deformable_joint.h"
 #include "mbdae/elements/force.h"
 #include "mbdae/elements/hinge.h"
+#include "mbdae/elements/invariant_deformable_hinge.h"
 #include "mbdae/elements/rod.h"
 #include "mbdae/elements/table.h"
 #include "mbdae/elements/total.h"

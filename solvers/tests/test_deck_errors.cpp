@@ -46,11 +46,12 @@ void check_control(const std::string& cards, const std::string& expected) {
 }  // namespace
 
 TEST_CASE("mistakes in elements") {
-  check_elements(
-      "joint: 1, revolut hinge, 1, position, null, 2, position, null;",
-      "test.mbd:14:11: error: unknown joint type `revolut hinge`, expected: clamp, spherical hinge, spherical pin, "
-      "revolute hinge, revolute pin, cardano hinge, cardano pin, in line, total joint, total pin joint, rod, "
-      "deformable hinge, deformable joint, universal hinge, universal pin; did you mean `revolute hinge`?\n");
+  DeckText joint;
+  joint.elements = "joint: 1, revolut hinge, 1, position, null, 2, position, null;";
+  const std::string unknown = complaint(joint.text());
+  CHECK(unknown.starts_with("test.mbd:14:11: error: unknown joint type `revolut hinge`, expected: clamp, spherical "));
+  CHECK(unknown.find(", rod, deformable hinge, ") != std::string::npos);
+  CHECK(unknown.ends_with("; did you mean `revolute hinge`?\n"));
   check_elements("joint: 1, brake, 1;", "test.mbd:14:11: error: not supported: the joint `brake`\n");
   check_elements("joint: 1, spherical hinge, 1, 3;", "test.mbd:14:31: error: node 3 is not defined before this card\n");
   check_elements("joint: 1, spherical hinge, 1, 2", "test.mbd:15:1: error: found `end`, expected `,` or `;`\n");

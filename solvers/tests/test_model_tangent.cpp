@@ -330,6 +330,18 @@ TEST_CASE("deformable hinges and joint at large relative rotation") {
     law6.prestress << ugly.vector(), ugly.vector();
     add_joint(deck, DeformableJointData{0, 1, ugly.vector(), ugly.vector(), ugly.rotation(), ugly.rotation(), law6});
     check_tangents(deck, 70 + i);
+
+    Deck others = two_bodies(60 + i);
+    add_joint(others, InvariantDeformableHingeData{0, 1, ugly.rotation(), ugly.rotation(), law3});
+    add_joint(others, InvariantDeformableHingeData{1, 0, ugly.rotation(), ugly.rotation(), cubic});
+    add_joint(others, DeformableDisplacementJointData{0, 1, ugly.vector(), ugly.vector(), ugly.rotation(), law3});
+    add_joint(others, DeformableDisplacementJointData{1, 0, ugly.vector(), ugly.vector(), ugly.rotation(), cubic});
+    LinearLaw<1> law1;
+    law1.K << 3.0;
+    law1.C << 0.7;
+    law1.prestress << 1.3;
+    add_joint(others, DeformableAxialJointData{0, 1, ugly.rotation(), ugly.rotation(), law1});
+    check_tangents(others, 170 + i);
   }
 }
 

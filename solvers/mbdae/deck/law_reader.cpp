@@ -180,7 +180,9 @@ LinearLaw<N> read_linear(Context& context, int kind) {
   }
   const SourcePosition where = input.where();
   read_suffix(context, &law);
-  if (kind == kViscous || kind == kViscousIsotropic || kind == kViscousGeneric) {
+  // MBDyn takes an isotropic viscoelastic law without stiffness for a viscous one.
+  const bool without_stiffness = (kind == kViscoelastic || kind == kViscoelasticIsotropic) && law.K.isZero(0.0);
+  if (kind == kViscous || kind == kViscousIsotropic || kind == kViscousGeneric || without_stiffness) {
     if (!law.prestress.isZero(0.0)) {
       input.diagnostics().warning(where, "the prestress of a viscous law has no effect, as in MBDyn");
     }
@@ -263,6 +265,15 @@ Law1 read_law1(Context& context, const double* rod_length) {
                                                      " m is not the length of its rod, " + number_text(*rod_length) +
                                                      " m: the law's x is not the rod's length over L0");
     }
+  }
+  return law;
+}
+
+Law1 read_spring_law1(Context& context) {
+  const SourcePosition where = context.input.where();
+  Law1 law = read_law<1>(context, context.laws1);
+  if (std::holds_alternative<MuscleLaw>(law)) {
+    context.input.fail(where, "the muscle law is for rods, not for this element");
   }
   return law;
 }

@@ -15,7 +15,7 @@ void DeformableHinge::assemble(const State& state, Equations& eq, bool tangent) 
   const Mat3 Ra = n1.R * data_.R1h;
   const Vec3 theta = rotation_log(Ra.transpose() * n2.R * data_.R2h), w21 = n2.w - n1.w;
   const Vec3 rate = Ra.transpose() * w21;
-  const LawValue<3> law = std::visit([&](const auto& l) { return evaluate(l, state.t, theta, rate); }, data_.law);
+  const LawValue<3> law = evaluate(data_.law, state.t, theta, rate);
   const Vec3 M = Ra * law.f;
   add_to_g(eq.g, node1_, Vec3::Zero(), -M);
   add_to_g(eq.g, node2_, Vec3::Zero(), M);

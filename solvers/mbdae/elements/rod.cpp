@@ -23,19 +23,6 @@ Rod::Geometry Rod::geometry(const State& state) const {
   return geo;
 }
 
-Rod::Scalar Rod::law(double t, double eps, double eps_rate) const {
-  if (const auto* muscle = std::get_if<MuscleLaw>(&data_.law)) {
-    const MuscleValue value = evaluate(*muscle, t, eps, eps_rate);
-    return {value.force, value.stiffness, value.damping};
-  }
-  using Scalar1 = Eigen::Matrix<double, 1, 1>;
-  const Scalar1 strain(eps), rate(eps_rate);
-  const LawValue<1> value = std::holds_alternative<LinearLaw<1>>(data_.law)
-                                ? evaluate(std::get<LinearLaw<1>>(data_.law), t, strain, rate)
-                                : evaluate(std::get<CubicLaw<1>>(data_.law), t, strain, rate);
-  return {value.f(0), value.K(0), value.C(0)};
-}
-
 std::string Rod::defect(const State& state) const {
   if (!(geometry(state).l < 1e-12 * data_.L0)) return {};
   return "has ends that coincide: its direction is undefined; move one of its points";
@@ -58,7 +45,7 @@ void Rod::add_activation_derivative(const State& state, const MuscleValue& value
 
 void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
   const Geometry geo = geometry(state);
-  const auto [f, k, d] = law(state.t, geo.eps, geo.eps_rate);
+  const auto [f, k, d] = evaluate(data_.law, state.t, geo.eps, geo.eps_rate);
   const Vec3 n = geo.u / geo.l, F = f * n;
   add_to_g(eq.g, node1_, -F, -geo.f1.cross(F));
   add_to_g(eq.g, node2_, F, geo.f2.cross(F));

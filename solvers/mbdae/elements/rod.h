@@ -54,11 +54,7 @@ class Rod final : public Element, public Muscle {
     Vec3 f1, f2, u, udot;  // arms, point 2 from point 1 and its rate
     double l, eps, eps_rate;
   };
-  struct Scalar {
-    double f, k, d;
-  };
   Geometry geometry(const State& state) const;
-  Scalar law(double t, double eps, double eps_rate) const;
 
   RodData data_;
   NodeSlot node1_, node2_;

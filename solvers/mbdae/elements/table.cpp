@@ -4,10 +4,13 @@
 #include <type_traits>
 
 #include "mbdae/deck/context.h"
+#include "mbdae/elements/deformable_axial_joint.h"
+#include "mbdae/elements/deformable_displacement_joint.h"
 #include "mbdae/elements/deformable_hinge.h"
 #include "mbdae/elements/deformable_joint.h"
 #include "mbdae/elements/force.h"
 #include "mbdae/elements/hinge.h"
+#include "mbdae/elements/invariant_deformable_hinge.h"
 #include "mbdae/elements/rod.h"
 #include "mbdae/elements/total.h"
 
@@ -58,6 +61,10 @@ const ElementType kElements[] = {
     row<read_rod, Rod>(kJoint, "rod", "rods"),
     row<read_deformable_hinge, DeformableHinge>(kJoint, "deformable hinge", "deformable"),
     row<read_deformable_joint, DeformableJoint>(kJoint, "deformable joint", "deformable"),
+    row<read_deformable_axial_joint, DeformableAxialJoint>(kJoint, "deformable axial joint", "deformable"),
+    row<read_deformable_displacement_joint, DeformableDisplacementJoint>(kJoint, "deformable displacement joint",
+                                                                         "deformable"),
+    row<read_invariant_deformable_hinge, InvariantDeformableHinge>(kJoint, "invariant deformable hinge", "deformable"),
     row<read_absolute_force, AppliedForce>(kForce, "absolute", "forces", "conservative"),
     row<read_follower_force, AppliedForce>(kForce, "follower", "forces"),
     row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces", "conservative"),

@@ -90,4 +90,20 @@ MuscleValue evaluate(const MuscleLaw& law, double t, double eps, double eps_rate
   return out;
 }
 
+ScalarLawValue evaluate(const Law1& law, double t, double strain, double rate) {
+  if (const auto* muscle = std::get_if<MuscleLaw>(&law)) {
+    const MuscleValue value = evaluate(*muscle, t, strain, rate);
+    return {value.force, value.stiffness, value.damping};
+  }
+  using Scalar = Eigen::Matrix<double, 1, 1>;
+  const LawValue<1> value = std::holds_alternative<LinearLaw<1>>(law)
+                                ? evaluate(std::get<LinearLaw<1>>(law), t, Scalar(strain), Scalar(rate))
+                                : evaluate(std::get<CubicLaw<1>>(law), t, Scalar(strain), Scalar(rate));
+  return {value.f(0), value.K(0), value.C(0)};
+}
+
+LawValue<3> evaluate(const Law3& law, double t, const Vec3& strain, const Vec3& rate) {
+  return std::visit([&](const auto& l) { return evaluate(l, t, strain, rate); }, law);
+}
+
 }  // namespace mbdae

@@ -63,4 +63,13 @@ LawValue<N> evaluate(const CubicLaw<N>& law, double t, const Eigen::Matrix<doubl
 /// stiffness the branch of lengthening is taken. f2 is held at its limit 1.6 for v >= 1.
 MuscleValue evaluate(const MuscleLaw& law, double t, double eps, double eps_rate);
 
+/// Force of a scalar law and its derivatives by strain (k) and strain rate (d).
+struct ScalarLawValue {
+  double f, k, d;
+};
+ScalarLawValue evaluate(const Law1& law, double t, double strain, double rate);
+
+/// Couple or force of a 3D law.
+LawValue<3> evaluate(const Law3& law, double t, const Vec3& strain, const Vec3& rate);
+
 }  // namespace mbdae
