@@ -21,11 +21,11 @@ from functools import lru_cache
 import daqp
 import numpy as np
 
-from pilotgen.anthropometry.arm import Limb
-from pilotgen.anthropometry.body import SEGMENTS, Body
+from pilotgen.anthropometry.arm import CONSTRAINTS, COORDINATES, FREEDOMS, JOINTS, SEGMENTS, SUFFIX, Limb
+from pilotgen.anthropometry.body import Body
 from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.posture.cockpit import Cockpit, PlacedInceptor
-from pilotgen.posture.kinematics import MIRROR, SUFFIX, Pose, arm_geometry, cross
+from pilotgen.posture.kinematics import MIRROR, Pose, arm_geometry, cross
 from pilotgen.solver.descriptor import block
 from pilotgen.solver.matrices import Matrices
 
@@ -41,7 +41,6 @@ TORQUES = (
 """Names of the seven balances: shoulder moments are about the torso's axes, positive in the sense of the name."""
 
 _SIGN = np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])  # the first coordinate of a right arm turns toward adduction
-_CONSTRAINTS = ("shoulder", "humeroulnar", "humeroradial", "radioulnar", "wrist")
 _CONTROL_NODES = {"collective": ("lever", "lever_hinge"), "cyclic": ("stick", "stick_pivot")}
 _EQUALITY, _INEQUALITY = 5, 0  # constraint types of daqp
 _BALANCED_NM = 1e-8  # residual of the balances that the solution must reach; the programme's own tolerance is coarser
@@ -188,7 +187,7 @@ def _layout(
     nodes = {name.decode(): (i, n) for name, i, n in zip(node_names, node_first, node_dofs, strict=True)}
     joints = {name.decode(): (i, n) for name, i, n in zip(joint_names, joint_first, joint_dofs, strict=True)}
     limb = [f"{name}_{SUFFIX[side]}" for name in SEGMENTS]
-    constraints = [f"{name}_{SUFFIX[side]}" for name in _CONSTRAINTS]
+    constraints = [f"{name}_{SUFFIX[side]}" for name in (joint.name for joint in JOINTS)]
     control_node, control_joint = _CONTROL_NODES[control]
 
     def columns(name: str) -> np.ndarray:
@@ -222,11 +221,11 @@ def _virtual_motions(
     matrices: Matrices, layout: _Layout, limb: Limb, torso: Pose, poses: Mapping[str, Pose]
 ) -> np.ndarray:
     """T (24, 7): velocities of the limb's nodes when one joint coordinate of `TORQUES` has unit rate."""
-    system = np.zeros((24, 24))
-    system[:17] = _constraint_jacobian(matrices, layout.constraint_rows, layout.position_columns)
-    system[17:] = _coordinate_rates(limb, torso, poses)
-    right = np.zeros((24, 7))
-    right[17:] = np.diag(_SIGN)
+    system = np.zeros((FREEDOMS, FREEDOMS))
+    system[:CONSTRAINTS] = _constraint_jacobian(matrices, layout.constraint_rows, layout.position_columns)
+    system[CONSTRAINTS:] = _coordinate_rates(limb, torso, poses)
+    right = np.zeros((FREEDOMS, COORDINATES))
+    right[CONSTRAINTS:] = np.diag(_SIGN)
     return np.asarray(np.linalg.solve(system, right))
 
 
@@ -236,14 +235,14 @@ def _coordinate_rates(limb: Limb, torso: Pose, poses: Mapping[str, Pose]) -> np.
     # fixed in the bones of a right arm; in a left arm, its mirror image, axial vectors turn into -S v
     mirror = -MIRROR if limb.side == "left" else np.ones(3)
     R = {name: poses[f"{name}_{SUFFIX[limb.side]}"][1] * mirror for name in SEGMENTS}
-    axes = np.empty((3, 7))
+    axes = np.empty((3, COORDINATES))
     axes[:, :3] = torso[1] * mirror
     axes[:, 3] = R["humerus"] @ geometry.elbow_on_humerus[:, 2]
     axes[:, 4] = R["radius"] @ geometry.forearm_on_radius[:, 2]
     axes[:, 5] = R["radius"] @ geometry.wrist_on_radius[:, 2]
     axes[:, 6] = R["hand"] @ geometry.wrist_on_hand[:, 1]
-    humerus, radius, ulna, hand = (slice(6 * i + 3, 6 * i + 6) for i in range(4))
-    B = np.zeros((7, 24))
+    humerus, radius, ulna, hand = (slice(6 * i + 3, 6 * i + 6) for i in range(len(SEGMENTS)))
+    B = np.zeros((COORDINATES, FREEDOMS))
     B[:3, humerus] = axes[:, :3].T
     for row, second, first in ((3, ulna, humerus), (4, radius, ulna), (5, hand, radius), (6, hand, radius)):
         B[row, second] = axes[:, row]
@@ -257,21 +256,22 @@ def _hand_load(matrices: Matrices, layout: _Layout, inceptor: PlacedInceptor, ha
     _, _, vt = np.linalg.svd(constraints)
     motions = vt[constraints.shape[0] :].T  # (6, free coordinates of the control)
     needed = motions.T @ matrices.residual[layout.control_force_rows]
-    load = np.zeros(24)
+    load = np.zeros(FREEDOMS)
     if not np.any(np.abs(needed) > 0.0):
         return load
     arm = inceptor.grip_world_m - inceptor.pose[0]
     grip_motions = motions[:3] + np.stack([cross(w, arm) for w in motions[3:].T], axis=1)
     # residual = -(sum of forces): the grip force F on the control satisfies grip_motions^T F = needed
     force = np.linalg.lstsq(grip_motions.T, needed, rcond=None)[0]
-    load[18:21] = force
-    load[21:24] = cross(inceptor.grip_world_m - hand[0], force)
+    at_hand = 6 * SEGMENTS.index("hand")
+    load[at_hand : at_hand + 3] = force
+    load[at_hand + 3 : at_hand + 6] = cross(inceptor.grip_world_m - hand[0], force)
     return load
 
 
 def _passive(G: np.ndarray, matrices: Matrices, layout: _Layout) -> np.ndarray:
     """Residual (24,) of the passive forces: columns of g_u times passive force over force per activation."""
-    blocks = G.reshape(4, 6, -1)[:, :3]
+    blocks = G.reshape(len(SEGMENTS), 6, -1)[:, :3]
     per_activation = np.sqrt(np.max(np.einsum("nij,nij->nj", blocks, blocks), axis=0))  # N, at either end of a muscle
     return np.asarray(G @ (matrices.muscles.force[layout.muscle_columns] / per_activation))
 

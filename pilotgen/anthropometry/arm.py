@@ -16,7 +16,29 @@ from typing import NamedTuple
 
 import numpy as np
 
+
+class JointRow(NamedTuple):
+    """One joint of an arm."""
+
+    name: str  # in decks, with the side after it
+    first: str  # "torso" or a segment
+    second: str
+    removed: int  # degrees of freedom that it takes away
+
+
+# The table of an arm's bodies and joints, from the shoulder to the wrist. Decks, activations and postures loop over it.
 SEGMENTS = ("humerus", "radius", "ulna", "hand")
+JOINTS = (
+    JointRow("shoulder", "torso", "humerus", 3),
+    JointRow("humeroulnar", "humerus", "ulna", 5),
+    JointRow("humeroradial", "humerus", "radius", 3),
+    JointRow("radioulnar", "ulna", "radius", 2),
+    JointRow("wrist", "radius", "hand", 4),
+)
+FREEDOMS = 6 * len(SEGMENTS)  # 24: positions and rotations of the bones
+CONSTRAINTS = sum(joint.removed for joint in JOINTS)  # 17
+COORDINATES = FREEDOMS - CONSTRAINTS  # 7: what an arm can do
+SUFFIX = {"left": "l", "right": "r"}  # of the names of an arm's parts
 
 
 @dataclass(frozen=True)

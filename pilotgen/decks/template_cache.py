@@ -1,9 +1,9 @@
 """Templates that are rendered once for each structure of their variables; after that, texts are put in their places.
 
-A template that only prints its variables gives the same text around them every time. This room finds that text by
-rendering the template with a marker in place of each variable's text and cutting the result at the markers: some
-thirty times faster than rendering. What a template does more than print is found out, not assumed: a text that it
-compares or measures becomes part of the structure, and a template that transforms texts is rendered as usual.
+A template prints its texts and decides by nothing else than truth values, whole numbers, names and lengths: those are
+the structure. The text around the variables is therefore the same for all variables of one structure. It is found by
+rendering the template with a marker in place of each text and cutting the result at the markers; filling it is some
+thirty times faster than rendering. A template that looks into a text (compares, measures, transforms it) is refused.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -11,14 +11,16 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from operator import itemgetter
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NoReturn
 
 from jinja2 import Template
 
 _ONLY_TEXTS = {str}
-_MOST_SKELETONS = 64  # structures differ by arms, controls and the number of comment lines: a handful
+_MOST_STRUCTURES = 64  # structures differ by arms, controls, torso and the number of comment lines: a handful
+_OPEN, _CLOSE = "\x02", "\x03"  # around the number of a text; neither belongs in a deck
 
 
 class Part(SimpleNamespace):
@@ -30,144 +32,94 @@ class Part(SimpleNamespace):
 
 
 class TemplateCache:
-    """One template and the skeletons of the structures that it has met.
+    """One template and what it prints around its variables, for every structure that it has met.
 
-    Variables may be texts, whole numbers and truth values, in namespaces, mappings, lists and tuples. Whole numbers and
-    truth values belong to the structure.
+    Variables may be texts, whole numbers and truth values, in namespaces, mappings, lists and tuples.
     """
 
     def __init__(self, template: Template) -> None:
         self._template = template
-        self._inspected: frozenset[int] = frozenset()
-        self._met: set[tuple[object, ...]] = set()
-        self._known: dict[tuple[object, ...], _Skeleton | None] = {}
+        self._known: dict[tuple[object, ...], _Surroundings] = {}
 
     def render(self, **variables: Any) -> str:
-        """The template's text for these variables."""
-        leaves: list[str] = []
+        """The template's text for these variables.
+
+        Raises
+        ------
+        TypeError
+            A variable of another kind, or a template that looks into a text instead of printing it.
+        """
+        texts: list[str] = []
         shape: list[object] = []
-        _flatten(variables, leaves, shape)
-        key = self._key(leaves, shape)
-        skeleton = self._known.get(key)
-        if skeleton is not None:
-            return skeleton.filled(leaves)
-        text = self._template.render(variables)
-        if key not in self._met:  # a structure that comes once is not worth the learning
-            self._met.add(key)
-        elif key not in self._known:
-            self._learn(variables, leaves, shape, text)
-        return text
-
-    def _key(self, leaves: list[str], shape: list[object]) -> tuple[object, ...]:
-        return (*shape, *(leaves[i] if i < len(leaves) else None for i in sorted(self._inspected)))
-
-    def _learn(self, variables: dict[str, Any], leaves: list[str], shape: list[object], text: str) -> None:
-        if len(self._known) >= _MOST_SKELETONS:
-            self._known.clear()
-        while True:
-            seen: set[int] = set()
-            markers = [
-                leaf if i in self._inspected else _Marker(f"\x02aZ{i}\x03", i, seen) for i, leaf in enumerate(leaves)
-            ]
-            marked = self._template.render(_replaced(variables, iter(markers)))
-            if not seen:
-                break
-            self._inspected |= seen
-            self._known.clear()
-        skeleton = _Skeleton(marked)
-        ambiguous = any("\x02" in leaves[i] for i in self._inspected if i < len(leaves))
-        transformed = "\x02" in "".join(skeleton.parts) or skeleton.filled(leaves) != text
-        self._known[self._key(leaves, shape)] = None if ambiguous or transformed else skeleton
+        _flatten(variables, texts, shape)
+        key = tuple(shape)
+        surroundings = self._known.get(key)
+        if surroundings is None:
+            if len(self._known) >= _MOST_STRUCTURES:
+                self._known.clear()
+            marked = self._template.render(_replaced(variables, map(_Marker, range(len(texts)))))
+            surroundings = self._known[key] = _Surroundings(marked)
+        return surroundings.filled(texts)
 
 
-class _Skeleton:
+class _Surroundings:
     """Text between the variables, and which variable comes where."""
 
     def __init__(self, marked: str) -> None:
-        pieces = re.split("\x02aZ([0-9]+)\x03", marked)
+        pieces = re.split(f"{_OPEN}aZ([0-9]+){_CLOSE}", marked)
         self.parts = pieces[0::2]
+        if any(_OPEN in part or _CLOSE in part for part in self.parts):
+            raise TypeError("a template transforms a text; transform it before it is given to the template")
         self._order = [int(index) for index in pieces[1::2]]
         self._pick = itemgetter(*self._order, 0) if self._order else None  # with two at least it gives a tuple
 
-    def filled(self, leaves: list[str]) -> str:
+    def filled(self, texts: list[str]) -> str:
         """The text with these variables."""
         if self._pick is None:
             return self.parts[0]
         pieces = [""] * (2 * len(self._order) + 1)
         pieces[0::2] = self.parts
-        pieces[1::2] = self._pick(leaves)[:-1]
+        pieces[1::2] = self._pick(texts)[:-1]
         return "".join(pieces)
 
 
-class _Marker(str):
-    """Stands for a variable's text, and tells when somebody looks into it instead of printing it."""
+class _Marker:
+    """Stands for a text while the surroundings are found: it can be printed, and nothing else."""
 
-    _index: int
-    _seen: set[int]
+    __slots__ = ("_number",)
 
-    def __new__(cls, text: str, index: int, seen: set[int]) -> _Marker:
-        marker = super().__new__(cls, text)
-        marker._index, marker._seen = index, seen
-        return marker
+    def __init__(self, number: int) -> None:
+        self._number = number
 
-    def _tell(self, name: str, *arguments: Any) -> Any:
-        self._seen.add(self._index)
-        return getattr(super(), name)(*arguments)
+    def __str__(self) -> str:
+        return f"{_OPEN}aZ{self._number}{_CLOSE}"  # letters of both cases: a change of case is seen
 
-    def __eq__(self, other: object) -> bool:
-        return bool(self._tell("__eq__", other))
+    def _refuse(self, *_: object) -> NoReturn:
+        raise TypeError("a template looks into a text; give it a truth value or a whole number to decide by")
 
-    def __ne__(self, other: object) -> bool:
-        return bool(self._tell("__ne__", other))
-
-    def __lt__(self, other: str) -> bool:
-        return bool(self._tell("__lt__", other))
-
-    def __le__(self, other: str) -> bool:
-        return bool(self._tell("__le__", other))
-
-    def __gt__(self, other: str) -> bool:
-        return bool(self._tell("__gt__", other))
-
-    def __ge__(self, other: str) -> bool:
-        return bool(self._tell("__ge__", other))
-
-    def __hash__(self) -> int:
-        return int(self._tell("__hash__"))
-
-    def __len__(self) -> int:  # truth as well
-        return int(self._tell("__len__"))
-
-    def __contains__(self, part: object) -> bool:
-        return bool(self._tell("__contains__", part))
-
-    def __getitem__(self, place: Any) -> str:
-        return str(self._tell("__getitem__", place))
-
-    def __iter__(self) -> Any:
-        return self._tell("__iter__")
+    __eq__ = __hash__ = __bool__ = __len__ = __iter__ = __contains__ = __getitem__ = _refuse
 
 
 _shape_numbers: dict[tuple[object, ...], int] = {}  # of parts: equal shapes have equal numbers
 
 
 def _look_through(part: Part) -> tuple[list[str], int]:
-    leaves: list[str] = []
+    texts: list[str] = []
     shape: list[object] = []
-    _flatten(part.__dict__, leaves, shape)
-    part._found = leaves, _shape_numbers.setdefault(tuple(shape), len(_shape_numbers))
+    _flatten(part.__dict__, texts, shape)
+    part._found = texts, _shape_numbers.setdefault(tuple(shape), len(_shape_numbers))
     return part._found
 
 
-def _flatten(value: Any, leaves: list[str], shape: list[object]) -> None:
-    """Append the texts in `value` to `leaves`, and what else there is to know of it to `shape`."""
+def _flatten(value: Any, texts: list[str], shape: list[object]) -> None:
+    """Append the texts in `value` to `texts`, and what else there is to know of it to `shape`."""
     kind = type(value)
     if kind is str:
-        leaves.append(value)
+        texts.append(value)
         return
     if kind is Part:
-        texts, number = getattr(value, "_found", None) or _look_through(value)
-        leaves.extend(texts)
+        found, number = getattr(value, "_found", None) or _look_through(value)
+        texts.extend(found)
         shape += (Part, number)
         return
     if kind is SimpleNamespace:
@@ -185,26 +137,26 @@ def _flatten(value: Any, leaves: list[str], shape: list[object]) -> None:
     else:
         raise TypeError(f"a template's variables are texts, whole numbers and truth values, not {kind.__name__}")
     if set(map(type, value)) == _ONLY_TEXTS:  # most are: all at once
-        leaves.extend(value)
+        texts.extend(value)
         shape.append(str)
         return
     for item in value:
         if type(item) is str:
-            leaves.append(item)
+            texts.append(item)
             shape.append(str)
         else:
-            _flatten(item, leaves, shape)
+            _flatten(item, texts, shape)
 
 
-def _replaced(value: Any, leaves: Any) -> Any:
-    """The same structure with other texts."""
+def _replaced(value: Any, markers: Iterator[_Marker]) -> Any:
+    """The same structure with markers for its texts."""
     kind = type(value)
     if kind is str:
-        return next(leaves)
+        return next(markers)
     if kind is SimpleNamespace or kind is Part:
-        return SimpleNamespace(**{name: _replaced(item, leaves) for name, item in value.__dict__.items()})
+        return SimpleNamespace(**{name: _replaced(item, markers) for name, item in value.__dict__.items()})
     if kind is dict:
-        return {name: _replaced(item, leaves) for name, item in value.items()}
+        return {name: _replaced(item, markers) for name, item in value.items()}
     if kind is list or kind is tuple:
-        return kind(_replaced(item, leaves) for item in value)
+        return kind(_replaced(item, markers) for item in value)
     return value

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotgen.anthropometry.body import SEGMENTS, Limb
+from pilotgen.anthropometry.arm import COORDINATES, SEGMENTS, Limb
 
 JOINT_COORDINATES = (
     "shoulder_x",
@@ -34,7 +34,6 @@ JOINT_COORDINATES = (
     "wrist_deviation",
 )
 MIRROR = np.array([1.0, 1.0, -1.0])
-SUFFIX = {"left": "l", "right": "r"}
 _MIRROR_OUTER = np.outer(MIRROR, MIRROR)
 _EYE = np.eye(3)
 
@@ -257,13 +256,13 @@ def forward(geometry: ArmGeometry, q: np.ndarray, torso: Pose) -> ArmPose:
     middle = wrist_frame @ _about_z(float(q[5]))
     R_hand = middle @ _about_y(float(q[6])) @ geometry.wrist_on_hand.T
     grip = W + R_hand @ geometry.grip
-    axes = np.empty((3, 7))
+    axes = np.empty((3, COORDINATES))
     axes[:, :3] = R_torso
     axes[:, 3] = elbow_frame[:, 2]
     axes[:, 4] = forearm_frame[:, 2]
     axes[:, 5] = wrist_frame[:, 2]
     axes[:, 6] = middle[:, 1]
-    levers = np.empty((3, 7))
+    levers = np.empty((3, COORDINATES))
     levers[:, :3] = (grip - GH)[:, None]
     levers[:, 3] = grip - x_u
     levers[:, 4] = grip - x_r
@@ -279,7 +278,7 @@ def joint_coordinates(geometry: ArmGeometry, poses: Mapping[str, Pose], torso: P
     R_torso = torso[1]
     R_h, R_r = poses["humerus"][1], poses["radius"][1]
     R_u, R_hand = poses["ulna"][1], poses["hand"][1]
-    q = np.empty(7)
+    q = np.empty(COORDINATES)
     q[:3] = rotation_vector(R_torso.T @ R_h @ geometry.humerus_anatomical.T)
     elbow_frame = R_h @ geometry.elbow_on_humerus
     elbow = elbow_frame.T @ R_u @ geometry.elbow_on_ulna

@@ -17,12 +17,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pilotgen.anthropometry.body import SEGMENTS, Body
+from pilotgen.anthropometry.arm import COORDINATES, SEGMENTS, SUFFIX
+from pilotgen.anthropometry.body import Body
 from pilotgen.errors import EvaluationError
 from pilotgen.posture.cockpit import Cockpit, PlacedInceptor
 from pilotgen.posture.kinematics import (
     JOINT_COORDINATES,
-    SUFFIX,
     ArmGeometry,
     ArmPose,
     Pose,
@@ -43,8 +43,8 @@ _GUESS_ITERATIONS = 12
 _GUESS_STEP_RAD = 0.6  # longest Newton step
 _GUESS_CLOSED_M = 0.1  # grip error and step before the last one: what is left after it, the solver removes faster
 _GUESS_SETTLED_RAD = 0.5
-_UPPER = np.triu(np.ones((7, 7)))
-_STRICTLY_LOWER = np.tril(np.ones((7, 7)), -1)
+_UPPER = np.triu(np.ones((COORDINATES, COORDINATES)))
+_STRICTLY_LOWER = np.tril(np.ones((COORDINATES, COORDINATES)), -1)
 
 ANGLE_NAMES: Mapping[str, str] = {
     "shoulder_flexion_deg": "shoulder flexion",
@@ -76,7 +76,7 @@ def ergonomics() -> Ergonomics:
     data: dict[str, Any] = yaml_from_text(text, "ergonomics.yaml").value
     ranges = {name: (float(low), float(high)) for name, (low, high) in data["range_of_motion"].items()}
     range_of = dict(zip(JOINT_COORDINATES, (_RANGE_OF_COORDINATE[name] for name in JOINT_COORDINATES), strict=True))
-    neutral, K1, K3 = np.empty(7), np.empty(7), np.empty(7)
+    neutral, K1, K3 = (np.empty(COORDINATES) for _ in range(3))
     for i, name in enumerate(JOINT_COORDINATES):
         spring = data["springs"][name]
         low, high = ranges[range_of[name]]
@@ -214,7 +214,7 @@ def _least_effort(geometry: ArmGeometry, torso: Pose, handle: Pose) -> tuple[np.
     q = _two_link_start(geometry, torso, handle)
     multipliers: np.ndarray = np.zeros(3)
     system, right = np.zeros((10, 10)), np.empty(10)
-    J = np.eye(7)
+    J = np.eye(COORDINATES)
     for _ in range(_GUESS_ITERATIONS):
         pose = forward(geometry, q, torso)
         R_shoulder = rotation(q[:3])

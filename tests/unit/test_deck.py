@@ -16,6 +16,7 @@ from jinja2 import UndefinedError
 from pilotgen.anthropometry.biometrics import Biometrics
 from pilotgen.anthropometry.body import SEGMENTS, make_body
 from pilotgen.decks import deck as decks
+from pilotgen.decks import parts
 from pilotgen.decks import text as deck_text
 from pilotgen.posture.cockpit import make_cockpit
 from pilotgen.posture.posture import first_guess, from_poses
@@ -235,8 +236,8 @@ def test_the_left_arm_of_two_is_the_left_arm_of_one() -> None:
 
 def test_a_template_that_asks_for_an_unknown_name_fails() -> None:
     template = deck_text.template("posture.mbd.j2")
-    with pytest.raises(UndefinedError, match="pilot"):
-        template.render(purpose="x")
+    with pytest.raises(UndefinedError, match="person"):
+        template.render(has={"left": True})
 
 
 def test_numbers_that_are_none_are_refused() -> None:
@@ -269,8 +270,9 @@ def test_full_inertia_is_written_row_by_row() -> None:
     body = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), ("left",))
     hand = body.limbs["left"].segments["hand"]
     J = hand.inertia_kg_m2 + np.array([[0.0, 1e-5, 2e-5], [1e-5, 0.0, 3e-5], [2e-5, 3e-5, 0.0]])
-    constants_, card = decks._inertia_text(replace(hand, inertia_kg_m2=J, com_m=np.array([0.01, -0.05, 0.0])), "HAND_L")
-    values = {name: float(value) for name, value, _ in constants_}
+    card = parts._bone_text(replace(hand, inertia_kg_m2=J, com_m=np.array([0.01, -0.05, 0.0])), "HAND_L")
+    values = {f"HAND_L_{name}": float(value) for name, value in card.inertia_entries}
+    assert not card.on_axis
     assert card.inertia == "sym, HAND_L_JX, HAND_L_JXY, HAND_L_JXZ, HAND_L_JY, HAND_L_JYZ, HAND_L_JZ"
     assert (values["HAND_L_JXY"], values["HAND_L_JXZ"], values["HAND_L_JYZ"]) == (1e-5, 2e-5, 3e-5)
     assert card.com == "0.01, -0.05, 0.0"
