@@ -6,6 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ from pilotgen.files import to_json, write_text
 
 if TYPE_CHECKING:
     from pilotgen.virtual.calibration import Calibration
+
+WRITES = ("calibration.json", "reflex.yaml")
 
 
 def add_parser(commands: Any) -> None:
@@ -30,9 +33,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen calibrate docs/studies/puma-bmi.yaml -o results/calibration",
     )
     common.add_study(parser)
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", type=common.user_path, default=None, help="directory for the results"
-    )
+    common.add_output(parser, required=False)
     parser.add_argument("--write", action="store_true", help="replace pilotgen's own data/reflex.yaml")
     parser.add_argument(
         "--no-sensitivities",
@@ -50,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.evaluation import EvaluationContext
+    from pilotgen.output import claimed
     from pilotgen.study.study import read_study
     from pilotgen.virtual.calibration import calibrate, reference_study, reflex_yaml
 
@@ -58,16 +60,19 @@ def run(args: argparse.Namespace) -> int:
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no reflexes; only multibody pilots have"
         )
-    with EvaluationContext(reference_study(study), mbdae=args.mbdae) as context:
-        directory = common.prepare_directory(args.output) if args.output is not None else None
+    with ExitStack() as stack:
+        context = stack.enter_context(EvaluationContext(reference_study(study), mbdae=args.mbdae))
+        directory = None
+        if args.output is not None:
+            directory = stack.enter_context(claimed(args.output, "calibrate", WRITES, overwrite=args.overwrite))
         found = calibrate(context, sensitivities=not args.no_sensitivities)
-    text = reflex_yaml(found)
-    print(report(found))
-    print(text, end="")
-    if directory is not None:
-        write_text(directory / "calibration.json", to_json(found.as_dict()))
-        write_text(directory / "reflex.yaml", text)
-        print(f"calibration.json and reflex.yaml are in {directory}")
+        text = reflex_yaml(found)
+        print(report(found))
+        print(text, end="")
+        if directory is not None:
+            write_text(directory / "calibration.json", to_json(found.as_dict()))
+            write_text(directory / "reflex.yaml", text)
+            print(f"calibration.json and reflex.yaml are in {directory}")
     if args.write:
         own = Path(str(resources.files("pilotgen") / "data" / "reflex.yaml"))
         write_text(own, text)

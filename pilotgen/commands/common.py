@@ -6,17 +6,16 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.errors import FileError, StudyError
-from pilotgen.files import make_directory
+from pilotgen.errors import StudyError
 from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
     from pilotgen.evaluation import FailedEvaluation
+    from pilotgen.runs.options import RunOptions
 
 
 def add_command(commands: Any, name: str, summary: str, description: str, example: str) -> argparse.ArgumentParser:
@@ -39,15 +38,19 @@ def add_study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", metavar="STUDY.yaml", type=Path, help="study file (docs/io_formats/study.md)")
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Add -o DIR."""
+def add_output(parser: argparse.ArgumentParser, required: bool = True, what: str = "the results") -> None:
+    """Add -o DIR and --overwrite."""
     parser.add_argument(
         "-o",
         "--output",
         metavar="DIR",
         type=user_path,
-        required=True,
-        help="directory for the results; made if missing",
+        required=required,
+        default=None,
+        help=f"directory for {what}; made if missing, refused if it holds anything that this command did not write",
+    )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="move an existing DIR aside, to DIR.old-1, .old-2, ..., and start anew"
     )
 
 
@@ -178,25 +181,25 @@ def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, float]]:
     return study, apply_settings(study, parse_settings(args.settings))
 
 
-def prepare_directory(directory: Path) -> Path:
-    """Make the output directory of a one-pilot command; refuse one that holds a whole study."""
-    from pilotgen.runs.batch import RESULTS_NAME
-    from pilotgen.runs.journal import JOURNAL_NAME
+def run_options(args: argparse.Namespace) -> RunOptions:
+    """The options of a long run, as `add_workers` and `add_solver` declare them."""
+    from pilotgen.runs.options import RunOptions
 
-    make_directory(directory)
-    if (directory / RESULTS_NAME).exists() or (directory / JOURNAL_NAME).exists():
-        raise FileError(f"{directory} already holds a study; choose another output directory")
-    return directory
+    return RunOptions(
+        args.workers,
+        args.resume,
+        args.retry_failed,
+        args.max_failures,
+        args.time_limit,
+        args.executor,
+        args.scheduler,
+        args.solver,
+        args.mbdae,
+        args.mbdyn,
+    )
 
 
 def failure_text(failure: FailedEvaluation, directory: Path) -> str:
     """What a one-pilot command says when its pilot cannot be evaluated."""
     text = f"pilotgen: failed: {failure.stage}: {failure.reason}"
     return text + f"\n  decks so far are in {directory}" if any(directory.glob("*.mbd")) else text
-
-
-def replay_command(study: Path, values: Mapping[str, float], directory: str = "replay", solver: str = "mbdae") -> str:
-    """The command line that evaluates one pilot of a study again, with the solver that evaluated it."""
-    settings = " ".join(f"{name}={value!r}" for name, value in values.items())
-    other = "" if solver == "mbdae" else f" --solver {solver}"
-    return f"pilotgen pilot {shlex.quote(str(study))} -o {directory}{other} --set {settings}"

@@ -27,7 +27,7 @@ def add_parser(commands: Any) -> None:
     common.add_study(parser)
     common.add_output(parser)
     common.add_settings(parser)
-    common.add_solver(parser)
+    common.add_mbdae(parser)
     parser.set_defaults(run=run)
 
 
@@ -38,16 +38,19 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.evaluation import DECK_NAMES, EvaluationContext, write_decks
+    from pilotgen.output import claimed
 
     study, values = common.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(f"{args.study}: pilot.model = {study.pilot.model!r} has no decks; only multibody pilots have")
-    with EvaluationContext(study, mbdae=args.mbdae) as context:
-        directory = common.prepare_directory(args.output)
+    with (
+        EvaluationContext(study, mbdae=args.mbdae) as context,
+        claimed(args.output, "decks", DECK_NAMES, overwrite=args.overwrite) as directory,
+    ):
         failure = write_decks(context, values, directory)
-    if failure is not None:
-        print(common.failure_text(failure, directory), file=sys.stderr)
-        return 2
-    for name in DECK_NAMES:
-        print(directory / name)
+        if failure is not None:
+            print(common.failure_text(failure, directory), file=sys.stderr)
+            return 2
+        for name in DECK_NAMES:
+            print(directory / name)
     return 0

@@ -91,6 +91,7 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.evaluation import EvaluationContext
+    from pilotgen.output import claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.virtual.identify import (
         DEFAULT_FREQUENCIES_HZ,
@@ -119,8 +120,10 @@ def run(args: argparse.Namespace) -> int:
         left = line.time_left(done, total)
         line.update(f"{done}/{total}  {text}" + (f", {left} left" if left else ""))
 
-    with EvaluationContext(study, mbdae=args.mbdae) as context:
-        directory = common.prepare_directory(args.output)
+    with (
+        EvaluationContext(study, mbdae=args.mbdae) as context,
+        claimed(args.output, "identify", ("*",), overwrite=args.overwrite) as directory,
+    ):
         try:
             found = identify(
                 context,
@@ -137,13 +140,13 @@ def run(args: argparse.Namespace) -> int:
             )
         finally:
             line.finish()
-    write_text(directory / "results.json", to_json(found.as_dict()))
-    write_identification(found, directory / "results.h5")
-    print(report(found), flush=True)
-    if not args.no_figures:
-        from pilotgen.figures import style
-        from pilotgen.figures.identification import identification
+        write_text(directory / "results.json", to_json(found.as_dict()))
+        write_identification(found, directory / "results.h5")
+        print(report(found), flush=True)
+        if not args.no_figures:
+            from pilotgen.figures import style
+            from pilotgen.figures.identification import identification
 
-        style.save(identification(found), directory / "identification.png")
-    print(f"decks, motions, results.json, results.h5 and figures are in {directory}")
+            style.save(identification(found), directory / "identification.png")
+        print(f"decks, motions, results.json, results.h5 and figures are in {directory}")
     return 0

@@ -14,6 +14,8 @@ from pilotgen.commands import common
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES, margins_text
 
+WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png")
+
 
 def add_parser(commands: Any) -> None:
     """Declare the command."""
@@ -41,28 +43,31 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+    from pilotgen.output import claimed
 
     study, values = common.read_pilot(args)
-    with EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context:
-        directory = common.prepare_directory(args.output)
+    with (
+        EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context,
+        claimed(args.output, "pilot", WRITES, overwrite=args.overwrite) as directory,
+    ):
         outcome = evaluate(context, values, keep=directory)
-    write_text(directory / "result.json", to_json(outcome.result))
-    if args.json:
-        sys.stdout.write(to_json(outcome.result))
-    if not isinstance(outcome, Evaluation):
-        print(common.failure_text(outcome, directory), file=sys.stderr)
-        return 2
-    outcome.pilot_model.write(directory / "pilot_model.h5")
-    if not args.json:
-        print(summary(outcome.result), flush=True)
-    if not args.no_figures:
-        from pilotgen.figures import draw_pilot
+        write_text(directory / "result.json", to_json(outcome.result))
+        if args.json:
+            sys.stdout.write(to_json(outcome.result))
+        if not isinstance(outcome, Evaluation):
+            print(common.failure_text(outcome, directory), file=sys.stderr)
+            return 2
+        outcome.pilot_model.write(directory / "pilot_model.h5")
+        if not args.json:
+            print(summary(outcome.result), flush=True)
+        if not args.no_figures:
+            from pilotgen.figures import draw_pilot
 
-        draw_pilot(outcome, directory)
-    if not args.json:
-        kinds = ["decks", "matrices"] if study.pilot.model == "multibody" else []
-        kinds += [] if args.no_figures else ["figures"]
-        print(f"{', '.join([*kinds, 'pilot_model.h5'])} and result.json are in {directory}")
+            draw_pilot(outcome, directory)
+        if not args.json:
+            kinds = ["decks", "matrices"] if study.pilot.model == "multibody" else []
+            kinds += [] if args.no_figures else ["figures"]
+            print(f"{', '.join([*kinds, 'pilot_model.h5'])} and result.json are in {directory}")
     return 0
 
 

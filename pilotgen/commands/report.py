@@ -45,7 +45,8 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read study.h5 and the journal beside it, write the report."""
-    from pilotgen.runs.batch import RESULTS_NAME, locked_directory
+    from pilotgen.output import REPORT_FILES, claimed
+    from pilotgen.runs.batch import RESULTS_NAME
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             f"{path} does not exist; DIR is the output directory of a finished `pilotgen search` or `pilotgen sample` "
             "(an interrupted one goes on with --resume)"
         )
-    with locked_directory(args.directory, resume=True) as directory:
+    with claimed(args.directory, "report", REPORT_FILES, resume=True) as directory:
         results = read_results(path)
         study = study_from_text(str(results.attributes["study_text"]), f"{path}: study_text")
         report = write_report(

@@ -6,10 +6,11 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from pilotgen.commands import common
+
+FIGURE_NAME = "rotorcraft-bode.png"
 
 
 def add_parser(commands: Any) -> None:
@@ -18,30 +19,30 @@ def add_parser(commands: Any) -> None:
         commands,
         "rotorcraft",
         "show a rotorcraft's heave and coning dynamics",
-        "Print poles and transfer function of a bundled rotorcraft, or of the one in a study file, and draw its Bode "
-        "figure.",
+        "Print poles and transfer function of a bundled rotorcraft, or of the one in a study file; with -o also draw "
+        "its Bode figure.",
         "pilotgen rotorcraft iar330-puma -o results/puma",
     )
     parser.add_argument("name", metavar="NAME", help="bundled rotorcraft or a study file (.yaml)")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        type=common.user_path,
-        default=Path("."),
-        help="directory for the figure (default: here)",
-    )
+    common.add_output(parser, required=False, what="the Bode figure")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the report, write the figure."""
-    from pilotgen.loop.heave_model import rotorcraft_report
+    """Print the report; with -o, draw the figure."""
+    from pilotgen.loop.heave_model import HeaveModel, rotorcraft_report
     from pilotgen.study.rotorcraft import load_rotorcraft
     from pilotgen.study.study import read_study
 
     rotorcraft = (
         read_study(args.name).rotorcraft if args.name.endswith((".yaml", ".yml")) else load_rotorcraft(args.name)
     )
-    print(rotorcraft_report(rotorcraft, common.prepare_directory(args.output)))
+    print(rotorcraft_report(rotorcraft))
+    if args.output is not None:
+        from pilotgen.figures import rotorcraft_bode, style
+        from pilotgen.output import claimed
+
+        with claimed(args.output, "rotorcraft", (FIGURE_NAME,), overwrite=args.overwrite) as directory:
+            style.save(rotorcraft_bode(HeaveModel(rotorcraft)), directory / FIGURE_NAME)
+            print(f"Bode figure: {directory / FIGURE_NAME}")
     return 0

@@ -6,13 +6,13 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
 
-CHUNK = 1000  # pilots in memory at a time
+if TYPE_CHECKING:
+    from pilotgen.runs.batch import Progress
+    from pilotgen.runs.session import Run
 
 
 def add_parser(commands: Any) -> None:
@@ -50,79 +50,39 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     stop_on_sigterm()
-    import numpy as np
-
-    from pilotgen.commands.search import attributes_of, make_batch, make_workers, open_journal
-    from pilotgen.objectives import ranked_objectives
+    from pilotgen.output import STUDY_FILES, claimed
     from pilotgen.progress_line import ProgressLine
-    from pilotgen.runs.batch import RESULTS_NAME, locked_directory
-    from pilotgen.runs.fingerprint import fingerprint
-    from pilotgen.runs.results import ResultsWriter, Row, columns_of
-    from pilotgen.search import Problem
+    from pilotgen.runs.sample_study import sample_study
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
-    seed = study.search.seed if args.seed is None else args.seed
-    print_hash = fingerprint(study, args.mbdae, args.solver)
-    problem = Problem.from_settings(study.search)
+    options = common.run_options(args)
     line = ProgressLine(args.number, quiet=args.quiet)
-    smallest = dict.fromkeys(problem.objectives, math.inf)
-    unstable = 0
-    with locked_directory(args.output, args.resume) as directory:
-        workers = make_workers(args, min(args.number, CHUNK))
+
+    def show(progress: Progress, milestone: bool) -> None:
+        if line.due(milestone):
+            left = line.time_left(progress.done)
+            text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
+            line.update(text + (f" | {left} left" if left else ""), milestone)
+
+    with claimed(args.output, "sample", STUDY_FILES, args.resume, args.overwrite) as directory:
         try:
-            with open_journal(directory, study) as journal:
-                batch = make_batch(args, study, journal, workers, print_hash)
-                batch.warm_up()
-
-                def show(*_: object, milestone: bool = False) -> None:
-                    if line.due(milestone):
-                        progress = batch.progress
-                        left = line.time_left(progress.done)
-                        text = f"{progress.done}/{args.number} pilots, {progress.failed} failed"
-                        line.update(text + (f" | {left} left" if left else ""), milestone)
-
-                batch.on_result = show
-                attributes = attributes_of(study, "sample", print_hash, seed, "sample complete", args)
-                with ResultsWriter(
-                    directory / RESULTS_NAME, attributes, problem.names, problem.xl, problem.xu, problem.objectives
-                ) as writer:
-                    number = 0
-                    for X in points(args.method, args.number, problem, seed):
-                        results = batch.evaluate([problem.values(x) for x in X])
-                        rows = [
-                            Row(0, number + k, problem.values(x), r)
-                            for k, (x, r) in enumerate(zip(X, results, strict=True))
-                        ]
-                        F = np.full((len(X), problem.n_obj), np.nan)
-                        for k, result in enumerate(results):
-                            if result["status"] == "ok":
-                                unstable += not result["loop"]["stable"]
-                                F[k] = ranked_objectives(result, problem.objectives)
-                                smallest = {
-                                    name: min(smallest[name], v)
-                                    for name, v in zip(problem.objectives, F[k], strict=True)
-                                }
-                        writer.append(columns_of(rows, problem.names, F, None))
-                        number += len(X)
-                        show(milestone=True)
+            done = sample_study(study, directory, args.number, args.method, args.seed, options, show)
         finally:
-            workers.close()
-    line.finish()
-    progress = batch.progress
+            line.finish()
+    print_sample(done)
+    return 0 if done.any_ok else 2
+
+
+def print_sample(done: Run) -> None:
+    """Counts, the smallest objectives, and where everything is."""
+    from pilotgen.objectives import OBJECTIVES
+
+    progress = done.progress
     print(
         f"{progress.done} pilots ({progress.served} from the journal), {progress.failed} failed, "
-        f"{unstable} with an unstable closed loop"
+        f"{progress.unstable} with an unstable closed loop"
     )
-    print("smallest: " + ", ".join(f"{name} {value:.4g}" for name, value in smallest.items()))
-    print(f"results: {directory / RESULTS_NAME}")
-    return 0 if progress.failed < progress.done else 2
-
-
-def points(method: str, number: int, problem: Any, seed: int) -> Iterator[Any]:
-    """Points of the box in chunks, each an array of shape (k, n_var); point i does not depend on `number`."""
-    from pilotgen.search import sampling
-
-    spread = sampling.sobol_points if method == "sobol" else sampling.random_points
-    for first in range(0, number, CHUNK):
-        yield spread(first, min(CHUNK, number - first), problem.xl, problem.xu, seed)
+    smallest = ", ".join(OBJECTIVES[name].brief(value) for name, value in progress.smallest.items())
+    print(f"smallest: {smallest or 'none'}")
+    print(f"results: {done.path}")

@@ -4,6 +4,7 @@ SPDX-License-Identifier: BSD-3-Clause
 """
 
 from pilotgen.figures.loop import bode, draw_pilot, nyquist
+from pilotgen.figures.rotorcraft import rotorcraft_bode
 from pilotgen.figures.study import all_individuals, convergence, margin_curves, objective_plane, populations
 
 __all__ = [
@@ -15,4 +16,5 @@ __all__ = [
     "nyquist",
     "objective_plane",
     "populations",
+    "rotorcraft_bode",
 ]

@@ -17,13 +17,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pilotgen.errors import FileError
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
 from pilotgen.study.rotorcraft import NUMBERS, RANGES, Rotorcraft, load_rotorcraft
@@ -98,22 +96,18 @@ class HeaveModel:
         return self.state_space.response(omega)
 
 
-def rotorcraft_report(rotorcraft: str | Mapping[str, Any] | Rotorcraft, out_dir: str | Path | None = None) -> str:
-    """Poles and transfer function of a rotorcraft as text, with a Bode figure on disk.
+def rotorcraft_report(rotorcraft: str | Mapping[str, Any] | Rotorcraft) -> str:
+    """Poles and transfer function of a rotorcraft as text.
 
     Parameters
     ----------
     rotorcraft : str, mapping or Rotorcraft
         A Rotorcraft, or what `load_rotorcraft` takes.
-    out_dir : path, optional
-        Directory for the figure `rotorcraft-bode.png`; made if it does not exist. None: no figure.
 
     Raises
     ------
     StudyError
         As `load_rotorcraft`.
-    FileError
-        The figure cannot be written.
     """
     r = rotorcraft if isinstance(rotorcraft, Rotorcraft) else load_rotorcraft(rotorcraft)
     model = HeaveModel(r)
@@ -134,44 +128,4 @@ def rotorcraft_report(rotorcraft: str | Mapping[str, Any] | Rotorcraft, out_dir:
         "  numerator    " + "  ".join(f"{c: .8g}" for c in numerator),
         "  denominator  " + "  ".join(f"{c: .8g}" for c in denominator),
     ]
-    if out_dir is not None:
-        lines += ["", f"Bode figure: {_bode_figure(model, Path(out_dir))}"]
     return "\n".join(lines) + "\n"
-
-
-def _bode_figure(model: HeaveModel, out_dir: Path) -> Path:
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import MultipleLocator
-
-    frequency = np.geomspace(0.01, 20.0, 600)
-    response = model.response(2.0 * np.pi * frequency)
-    figure = Figure(figsize=(7.0, 5.5), layout="constrained")
-    gain, phase = figure.subplots(2, 1, sharex=True)
-    gain.loglog(frequency, np.abs(response), color="C0")
-    gain.set_ylabel("gain [m/s² per rad]")
-    gain.set_title(f"{model.rotorcraft.name}: blade pitch to vertical acceleration in hover")
-    phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(response))), color="C0")
-    phase.set_ylabel("phase [deg]")
-    phase.set_xlabel("frequency [Hz]")
-    phase.yaxis.set_major_locator(MultipleLocator(45.0))
-    coning = max(model.poles, key=lambda p: p.imag)
-    for axes in (gain, phase):
-        axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
-        axes.axvspan(2.0, 8.0, color="C1", alpha=0.15, linewidth=0.0, label="pilot-assisted oscillations, 2-8 Hz")
-        if coning.imag > 0.0:
-            axes.axvline(
-                abs(coning) / (2.0 * np.pi),
-                color="C3",
-                linewidth=1.0,
-                linestyle="--",
-                label=f"coning, {abs(coning) / (2.0 * np.pi):.2f} Hz",
-            )
-        axes.margins(x=0.0)
-    gain.legend(loc="upper left", fontsize="small")
-    path = out_dir / "rotorcraft-bode.png"
-    try:
-        out_dir.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise FileError(f"cannot write the Bode figure {path}: {error.strerror}; choose another directory") from error
-    return path

@@ -3,7 +3,6 @@
 SPDX-License-Identifier: BSD-3-Clause
 """
 
-from pilotgen.report.findings import replay_command
 from pilotgen.report.write import REPORT_NAME, write_report
 
-__all__ = ["REPORT_NAME", "replay_command", "write_report"]
+__all__ = ["REPORT_NAME", "write_report"]

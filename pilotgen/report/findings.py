@@ -8,7 +8,6 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -271,13 +270,11 @@ def curve_sentence(curve: Curve) -> str:
 # ---- failures and replay
 
 
-def replay_command(
-    names: Sequence[str], values: Sequence[float], study: str, directory: str = "replay", solver: str = "mbdae"
-) -> str:
-    """The command line that evaluates one pilot of a study again, with the solver that evaluated it."""
-    settings = " ".join(f"{name}={float(value)!r}" for name, value in zip(names, values, strict=True))
-    other = "" if solver == "mbdae" else f" --solver {solver}"
-    return f"pilotgen pilot {shlex.quote(study)} -o {directory}{other} --set {settings}"
+def replay(results: StudyResults, index: int, study: str, solver: str = "mbdae") -> str:
+    """The command line that evaluates a pilot of study.h5 again."""
+    from pilotgen.runs.batch import replay_command
+
+    return replay_command(study, dict(zip(results.names, results.columns["inputs"][index], strict=True)), solver)
 
 
 @dataclass(frozen=True)

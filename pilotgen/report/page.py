@@ -20,7 +20,7 @@ from pilotgen.figures import study as study_figures
 from pilotgen.figures.style import png, quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
 from pilotgen.report import findings
-from pilotgen.report.findings import number, replay_command
+from pilotgen.report.findings import number, replay
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import Study
 
@@ -281,9 +281,7 @@ def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[
                 hz = float(columns[row.at][k])
                 cells.append(number(hz, 2) if np.isfinite(hz) else "–")
         cells.append("stable" if columns["stable"][k] == 1 else "UNSTABLE")
-        lines.append(
-            {"cells": cells, "replay": replay_command(results.names, columns["inputs"][k], STUDY_FILE, solver=solver)}
-        )
+        lines.append({"cells": cells, "replay": replay(results, k, STUDY_FILE, solver)})
     return {"heads": heads, "lines": lines}
 
 
@@ -295,9 +293,7 @@ def _failure_table(results: StudyResults, solver: str) -> list[dict[str, Any]]:
             "reason": failure.reason,
             "count": failure.count,
             "share": f"{100.0 * failure.count / total:.2g} %",
-            "replay": replay_command(
-                results.names, results.columns["inputs"][failure.example], STUDY_FILE, solver=solver
-            ),
+            "replay": replay(results, failure.example, STUDY_FILE, solver),
         }
         for failure in findings.failures(results)
     ]

@@ -1,81 +1,51 @@
-"""Many pilots of one study into one output directory: lock, journal, workers, failures counted.
+"""Many pilots of one study: each is evaluated once, recorded as it finishes, and served from the journal after that.
 
-A search and a sample differ in which pilots they ask for; this room is where they are evaluated, each once,
-recorded as it
-finishes, and served from the journal when it was evaluated before.
+A search and a sample differ in which pilots they ask for; what they share is here: journal, workers, failures counted.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
-import fcntl
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import math
+import shlex
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from pilotgen.errors import FileError, PilotgenError
-from pilotgen.files import make_directory
+from pilotgen.errors import PilotgenError
+from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.executor import WorkerLost, Workers
-from pilotgen.runs.journal import JOURNAL_NAME, Journal, Record, evaluation_key
+from pilotgen.runs.journal import Journal, Record, evaluation_key
 
 RESULTS_NAME = "study.h5"
-LOCK_NAME = ".lock"
 
 
 class TooManyFailures(PilotgenError):
     """The study was stopped because more pilots failed than the user allows."""
 
 
-@contextmanager
-def locked_directory(directory: Path, resume: bool) -> Iterator[Path]:
-    """Make `directory` ours for the time of the block.
-
-    Raises
-    ------
-    FileError
-        It cannot be created or written, it already holds a study and `resume` is false, or another run is using it.
-    """
-    make_directory(directory)
-    try:
-        handle = os.open(directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise FileError(
-            f"{directory}: cannot be used for output ({error.strerror}); choose a directory you can write to"
-        ) from None
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise FileError(
-                f"{directory} is in use by another run; wait for it, or choose another output directory"
-            ) from None
-        if not resume and ((directory / RESULTS_NAME).exists() or (directory / JOURNAL_NAME).exists()):
-            raise FileError(
-                f"{directory} already holds a study; add --resume to go on with it (finished evaluations are kept), "
-                "or choose another output directory"
-            )
-        yield directory
-    finally:
-        os.close(handle)
-
-
 @dataclass
 class Progress:
-    """What a batch has done so far."""
+    """What a run has done so far."""
 
+    total: int = 0  # pilots that will be asked for; 0 if nobody knows
     evaluated: int = 0  # by workers, in this run
     served: int = 0  # from the journal
     failed: int = 0  # of both
+    unstable: int = 0  # closed loops, of both
     cpu_s: float = 0.0  # of this run's evaluations, solver included
+    generation: int = 0  # of a search, from 0
+    generations: int = 0
+    smallest: dict[str, float] = field(default_factory=dict)  # objective -> its smallest value, as ranked
 
     @property
     def done(self) -> int:
         """Evaluations asked for and answered."""
         return self.evaluated + self.served
+
+
+OnProgress = Callable[[Progress, bool], None]  # what was done so far, and whether a milestone is reached
 
 
 @dataclass
@@ -98,8 +68,10 @@ class Batch:
         Stop with TooManyFailures when more pilots than this have failed.
     retry_failed : bool
         Evaluate again what the journal holds as failed.
-    on_result : callable, optional
-        Called after every answered evaluation.
+    objectives : sequence of str
+        Keys of the objectives whose smallest values `progress` tells.
+    on_progress : callable, optional
+        Called with `progress` and False after every answered evaluation.
     """
 
     journal: Journal
@@ -109,7 +81,8 @@ class Batch:
     fingerprint: str
     max_failures: int | None = None
     retry_failed: bool = False
-    on_result: Callable[[Mapping[str, Any]], None] | None = None
+    objectives: Sequence[str] = ()
+    on_progress: OnProgress | None = None
     progress: Progress = field(default_factory=Progress)
 
     def warm_up(self) -> None:
@@ -148,15 +121,24 @@ class Batch:
         return [answers[key] for key in keys]
 
     def _count(self, result: Mapping[str, Any]) -> None:
+        progress = self.progress
         if result["status"] != "ok":
-            self.progress.failed += 1
-        if self.on_result is not None:
-            self.on_result(result)
+            progress.failed += 1
+        else:
+            progress.unstable += result["loop"].get("stable") is False
+            for name, value in zip(self.objectives, ranked_objectives(result, self.objectives), strict=True):
+                progress.smallest[name] = min(progress.smallest.get(name, math.inf), value)
+        self.report()
         if self.max_failures is not None and self.progress.failed > self.max_failures:
             raise TooManyFailures(
                 f"{self.progress.failed} pilots failed, more than --max-failures {self.max_failures}; the last: "
                 f"{result.get('stage', '')}: {result.get('reason', '')}"
             )
+
+    def report(self, milestone: bool = False) -> None:
+        """Tell the caller of the run how far it is."""
+        if self.on_progress is not None:
+            self.on_progress(self.progress, milestone)
 
 
 def _as_result(outcome: Any, values: Mapping[str, float]) -> tuple[dict[str, Any], float]:
@@ -177,3 +159,10 @@ def failures_by_reason(results: Sequence[Mapping[str, Any]]) -> list[tuple[str, 
             groups.setdefault((stage, re.sub(r"-?\d+(\.\d+)?([eE][-+]?\d+)?", "#", reason)), []).append(result)
     ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
     return [(stage, str(members[0]["reason"]), len(members), members[0]) for (stage, _), members in ordered]
+
+
+def replay_command(study: str, values: Mapping[str, float], solver: str = "mbdae", directory: str = "replay") -> str:
+    """The command line that evaluates one pilot of a study again, with the solver that evaluated it."""
+    settings = " ".join(f"{name}={float(value)!r}" for name, value in values.items())
+    other = "" if solver == "mbdae" else f" --solver {solver}"
+    return f"pilotgen pilot {shlex.quote(study)} -o {directory}{other} --set {settings}"

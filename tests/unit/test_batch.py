@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pilotgen.errors import FileError
-from pilotgen.runs.batch import Batch, TooManyFailures, failures_by_reason, locked_directory
+from pilotgen.runs.batch import Batch, TooManyFailures, failures_by_reason
 from pilotgen.runs.executor import ProcessWorkers, SerialWorkers
 from pilotgen.runs.journal import Journal
 
@@ -79,46 +75,6 @@ def test_failures_are_grouped_by_reason() -> None:
     results.append({"status": "failed", "stage": "solver", "reason": "mbdae died", "values": {}})
     groups = failures_by_reason(results)
     assert [(stage, count) for stage, _, count, _ in groups] == [("posture", 2), ("solver", 1)]
-
-
-def test_directory_that_holds_a_study_is_refused_without_resume(tmp_path: Path) -> None:
-    (tmp_path / "study.h5").touch()
-    with (
-        pytest.raises(FileError, match="already holds a study; add --resume"),
-        locked_directory(tmp_path, resume=False),
-    ):
-        pass
-    with locked_directory(tmp_path, resume=True) as directory:
-        assert directory == tmp_path
-
-
-def test_second_run_on_one_directory_is_refused(tmp_path: Path) -> None:
-    code = (
-        "import sys; from pathlib import Path; from pilotgen.runs.batch import locked_directory\n"
-        "from pilotgen.errors import FileError\n"
-        "try:\n"
-        "    with locked_directory(Path(sys.argv[1]), resume=True): print('in')\n"
-        "except FileError as error: print(error)\n"
-    )
-    with locked_directory(tmp_path, resume=True):
-        out = subprocess.run(
-            [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True
-        ).stdout
-    assert "in use by another run" in out
-    out = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True).stdout
-    assert out == "in\n"
-
-
-def test_unusable_output_directories_are_explained(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(FileError, match="is a file"), locked_directory(tmp_path / "file", resume=False):
-        pass
-    with pytest.raises(FileError, match="cannot be made"), locked_directory(tmp_path / "file" / "below", resume=False):
-        pass
-    if os.geteuid() != 0:
-        tmp_path.chmod(0o500)
-        with pytest.raises(FileError, match="cannot be used"), locked_directory(tmp_path / "below", resume=False):
-            pass
 
 
 def test_workers_warm_up_when_the_journal_is_empty_only(tmp_path: Path) -> None:

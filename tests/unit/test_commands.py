@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pilotgen.cli import COMMANDS, main
-from pilotgen.commands.common import replay_command
+from pilotgen.runs.batch import replay_command
 from pilotgen.solver.client import find_mbdae
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
@@ -265,7 +265,7 @@ def test_output_directories_with_strange_names(run: Run, tmp_path: Path) -> None
         refused(run(command, QUICK, "-o", tmp_path / "caf\udce9"), r"caf\\xe9.*not UTF-8")
     code, _, err = run("decks", QUICK, "-o", tmp_path / "a 'b' é")
     assert (code, err) == (0, "")
-    assert {path.name for path in (tmp_path / "a 'b' é").iterdir()} == {"posture.mbd", "trim.mbd", "pilot.mbd"}
+    assert {path.name for path in (tmp_path / "a 'b' é").glob("[!.]*")} == {"posture.mbd", "trim.mbd", "pilot.mbd"}
 
 
 def test_a_solver_named_without_a_directory_is_the_one_here(
@@ -286,7 +286,7 @@ def test_a_solver_that_cannot_run_is_found_out_before_a_search(run: Run, tmp_pat
 
 
 def test_commands_that_are_given_again_can_be_pasted() -> None:
-    text = replay_command(Path("my study's.yaml"), {"bmi": 20.5})
+    text = replay_command("my study's.yaml", {"bmi": 20.5})
     assert shlex.split(text) == ["pilotgen", "pilot", "my study's.yaml", "-o", "replay", "--set", "bmi=20.5"]
 
 

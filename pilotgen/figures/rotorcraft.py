@@ -1,0 +1,47 @@
+"""Bode figure of a rotorcraft's heave and coning dynamics.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pilotgen.figures import style
+from pilotgen.figures.style import BLUE, ORANGE, VERMILLION
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from pilotgen.loop.heave_model import HeaveModel
+
+LOW_HZ, HIGH_HZ = 0.01, 20.0
+OSCILLATIONS_HZ = (2.0, 8.0)  # where pilots take part without wanting to
+
+
+@style.styled
+def rotorcraft_bode(model: HeaveModel) -> Figure:
+    """Magnitude and phase from blade pitch to vertical acceleration, 0.01 to 20 Hz."""
+    from matplotlib.ticker import MultipleLocator
+
+    frequency_hz = np.geomspace(LOW_HZ, HIGH_HZ, 600)
+    response = model.response(2.0 * np.pi * frequency_hz)
+    figure = style.new_figure(5.5, 7.0)
+    gain, phase = figure.subplots(2, 1, sharex=True)
+    gain.loglog(frequency_hz, np.abs(response), color=BLUE)
+    gain.set_ylabel("gain [m/s² per rad]")
+    gain.set_title(f"{model.rotorcraft.name}: blade pitch to vertical acceleration in hover")
+    phase.semilogx(frequency_hz, np.degrees(np.unwrap(np.angle(response))), color=BLUE)
+    phase.set_ylabel("phase [deg]")
+    phase.yaxis.set_major_locator(MultipleLocator(45.0))
+    coning = max(model.poles, key=lambda pole: pole.imag)
+    for axes in (gain, phase):
+        axes.axvspan(*OSCILLATIONS_HZ, color=ORANGE, alpha=0.15, linewidth=0.0, label="pilot-assisted oscillations")
+        if coning.imag > 0.0:
+            coning_hz = abs(coning) / (2.0 * np.pi)
+            axes.axvline(coning_hz, color=VERMILLION, linestyle="--", label=f"coning, {coning_hz:.2f} Hz")
+    style.frequency_axis(phase, LOW_HZ, HIGH_HZ)
+    gain.legend(loc="upper left")
+    return figure
