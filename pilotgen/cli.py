@@ -28,6 +28,7 @@ COMMANDS = (
     "sample",
     "compare",
     "check-mbdyn",
+    "margins",
     "rotorcraft",
     "calibrate",
     "identify",

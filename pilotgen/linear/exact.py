@@ -14,11 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
 import scipy.linalg
 
+from pilotgen.errors import PilotgenError
 from pilotgen.linear.statespace import StateSpaceModel
 
 Polynomial = list[int]
@@ -71,6 +73,69 @@ def rational(model: StateSpaceModel) -> Rational:
     else:
         num = [p << low for p in num]
     return Rational(*_without_content(num, den), -a)
+
+
+def rational_from_polynomials(num: Sequence[float], den: Sequence[float]) -> Rational:
+    """num / den, exactly.
+
+    Parameters
+    ----------
+    num, den : sequence of float
+        Coefficients of falling powers of s [rad/s].
+
+    Raises
+    ------
+    PilotgenError
+        The denominator is zero, or of lower degree than the numerator.
+    """
+    values, _ = _integers([*num, *den])
+    upper, lower = trim(values[: len(num)][::-1]), trim(values[len(num) :][::-1])
+    if not lower:
+        raise PilotgenError("the denominator is zero")
+    if len(upper) > len(lower):
+        raise PilotgenError(
+            f"an improper transfer function, degree {len(upper) - 1} over {len(lower) - 1}; its gain grows without "
+            "limit, and no margin exists"
+        )
+    return Rational(*_without_content(upper, lower), 0)
+
+
+def rational_from_factors(zeros: Sequence[complex], poles: Sequence[complex], gain: float) -> Rational:
+    """gain prod(s - zeros) / prod(s - poles), exactly; complex ones [rad/s] come in conjugate pairs.
+
+    Raises
+    ------
+    PilotgenError
+        More zeros than poles, or complex ones without their conjugates.
+    """
+    if len(zeros) > len(poles) and gain != 0.0:
+        raise PilotgenError(f"an improper loop, {len(zeros)} zeros over {len(poles)} poles; no margin exists")
+    numerator, denominator = _expanded(zeros, "zeros"), _expanded(poles, "poles")
+    (k,), b = _integers([gain])
+    upper, lower = [k * c for c in numerator[0]], denominator[0]
+    up, down = numerator[1] - denominator[1] - b, 0
+    if up < 0:
+        up, down = 0, -up
+    return Rational(*_without_content(trim([c << up for c in upper]), [c << down for c in lower]), 0)
+
+
+def _expanded(roots: Sequence[complex], what: str) -> tuple[Polynomial, int]:
+    """Integers and e, with prod(s - roots) their polynomial times 2^e."""
+    left = [complex(r) for r in roots]
+    product: Polynomial = [1]
+    exponent = 0
+    while left:
+        r = left.pop()
+        values: list[Fraction] = [-Fraction(r.real), Fraction(1)]
+        if r.imag != 0.0:
+            if r.conjugate() not in left:
+                raise PilotgenError(f"complex {what} come in conjugate pairs; {r.real:g}{r.imag:+g}j stands alone")
+            left.remove(r.conjugate())
+            values = [Fraction(r.real) ** 2 + Fraction(r.imag) ** 2, -2 * Fraction(r.real), Fraction(1)]
+        scale = max(v.denominator for v in values)
+        product = multiply(product, [int(v * scale) for v in values])
+        exponent -= scale.bit_length() - 1
+    return product, exponent
 
 
 def _balanced(model: StateSpaceModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -229,6 +294,14 @@ def even_odd(p: Polynomial) -> tuple[Polynomial, Polynomial]:
         trim([c * sign[i % 2] for i, c in enumerate(p[0::2])]),
         trim([c * sign[i % 2] for i, c in enumerate(p[1::2])]),
     )
+
+
+def quotient(a: int, b: int) -> float:
+    """a / b, rounded once; infinite beyond the range of doubles."""
+    try:
+        return a / b
+    except OverflowError:
+        return math.copysign(math.inf, 1.0 if (a > 0) == (b > 0) else -1.0)
 
 
 # ---- roots

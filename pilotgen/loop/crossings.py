@@ -54,6 +54,16 @@ class LocusFeatures:
     doubtful: bool = False
 
 
+def constant_features(D: float) -> LocusFeatures:
+    """A loop without dynamics: one point, at every frequency; named by omega = 0."""
+    point = Points(np.zeros(1), np.array([D], dtype=complex))
+    none = Points(np.zeros(0), np.zeros(0, dtype=complex))
+    alpha = 2.0 * abs(1.0 + D) / abs(1.0 - D) if D != 1.0 else math.inf
+    return LocusFeatures(
+        point if D < 0.0 else none, point if abs(D) == 1.0 else none, point, point, abs(1.0 + D), alpha
+    )
+
+
 def _bernstein_root(f: FloatArray) -> FloatArray:
     """Where in (0, 1) each row of Bernstein coefficients, shape (m, degree + 1), changes sign: a first guess."""
     values = f @ basis(f.shape[1] - 1)

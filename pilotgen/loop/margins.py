@@ -16,9 +16,11 @@ import numpy as np
 import scipy.linalg
 
 from pilotgen.errors import PilotgenError
+from pilotgen.linear.exact import Rational, quotient, rational
 from pilotgen.linear.partial_fractions import PartialFractions
 from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.crossings import LocusFeatures, Points, locus_features
+from pilotgen.loop.crossings import LocusFeatures, Points, constant_features, locus_features
+from pilotgen.loop.frequency_data import FrequencyAnswer, FrequencyData, from_data
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.verified import affordable, verified
 
@@ -70,8 +72,8 @@ class Margins:
         Smallest |angle(-L)| over the unit-circle crossings; negative if not stable.
     modulus_margin, modulus_margin_hz : float, float
         min |1 + L|, a distance: never negative, and meaningful as a margin only if stable.
-    delay_margin_s : float
-        Smallest delay in the loop that makes it unstable; 0 if it is not stable already.
+    delay_margin_s, delay_margin_hz : float, float or None
+        Smallest delay in the loop that makes it unstable, and the crossing where; 0 if it is not stable already.
     disk_margin, disk_margin_hz : float, float or None
         Balanced disk margin alpha = min 2 |1 + L| / |1 - L|; 0 if not stable.
     crossings : tuple of Crossing
@@ -89,6 +91,7 @@ class Margins:
     modulus_margin: float
     modulus_margin_hz: float
     delay_margin_s: float
+    delay_margin_hz: float | None
     disk_margin: float
     disk_margin_hz: float
     crossings: tuple[Crossing, ...]
@@ -160,20 +163,33 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
         told = largest is None or not largest[0] <= 0.0 <= largest[1]
         if (told and not features.doubtful) or not exact:
             stable = (largest is not None and largest[1] < 0.0) if told else None
-            return _margins(model, stable, features, None if told else largest)
-    answer = verified(model)
-    return _margins(model, answer.stable, answer.features, None)
+            return _margins(model.D, stable, features, None if told else largest)
+    return exact_margins(rational(model))
+
+
+def exact_margins(loop: Rational) -> Margins:
+    """All margins of a loop num / den closed with unity negative feedback, by exact arithmetic."""
+    answer = verified(loop)
+    D = quotient(loop.num[-1], loop.den[-1]) if len(loop.num) == len(loop.den) else 0.0
+    return _margins(D, answer.stable, answer.features, None)
+
+
+def data_margins(data: FrequencyData) -> tuple[Margins, FrequencyAnswer]:
+    """All margins of a loop known at frequencies only, and how well they are known.
+
+    `stable` is None, and with it the margins NaN, where the data do not tell; the answer's `reason` says why.
+    """
+    answer = from_data(data)
+    return _margins(0.0, answer.stable, answer.features, None), answer
 
 
 def _features(model: StateSpaceModel, fractions: PartialFractions | None) -> LocusFeatures:
     if model.n_states == 0 or not model.B.any() or not model.C.any():
-        return _constant(model.D)
+        return constant_features(model.D)
     return locus_features(model, fractions)
 
 
-def _margins(
-    model: StateSpaceModel, stable: bool | None, features: LocusFeatures, interval: tuple[float, float] | None
-) -> Margins:
+def _margins(D: float, stable: bool | None, features: LocusFeatures, interval: tuple[float, float] | None) -> Margins:
     sign = math.nan if stable is None else 1.0 if stable else -1.0
     none = math.nan if stable is None else 0.0
     axis, circle = features.real_axis, features.unit_circle
@@ -187,6 +203,7 @@ def _margins(
         degrees = np.degrees(np.abs(np.angle(-circle.L)))
         i = int(degrees.argmin())
         phase, phase_hz = float(degrees[i]), float(circle.omega[i]) / _TWO_PI
+    delay, delay_hz = _delay_margin(D, circle) if stable else (none, None)
     return Margins(
         stable=stable,
         gain_margin_db=sign * gain,
@@ -195,7 +212,8 @@ def _margins(
         phase_margin_hz=phase_hz,
         modulus_margin=features.distance,
         modulus_margin_hz=float(features.nearest.omega[0]) / _TWO_PI,
-        delay_margin_s=_delay_margin(model.D, circle) if stable else none,
+        delay_margin_s=delay,
+        delay_margin_hz=delay_hz,
         disk_margin=features.alpha if stable else none,
         disk_margin_hz=float(features.disk.omega[0]) / _TWO_PI,
         crossings=_crossings(axis, circle),
@@ -225,25 +243,16 @@ def largest_real_part(model: StateSpaceModel) -> tuple[float, float] | None:
     return top - reach, top + reach
 
 
-def _delay_margin(D: float, circle: Points) -> float:
-    """Smallest delay [s] that turns a unit-circle crossing into -1: omega tau = angle(-L) modulo 2 pi."""
+def _delay_margin(D: float, circle: Points) -> tuple[float, float | None]:
+    """Smallest delay [s] that turns a unit-circle crossing into -1, omega tau = angle(-L) modulo 2 pi; where [Hz]."""
     if abs(D) >= 1.0:
-        return 0.0  # the gain does not fall below 1: any delay destabilises at a high enough frequency
-    delay = math.inf
-    for omega, L in zip(circle.omega.tolist(), circle.L.tolist(), strict=True):
-        if omega > 0.0:
-            delay = min(delay, (math.atan2(-L.imag, -L.real) % _TWO_PI) / omega)
-    return delay
-
-
-def _constant(D: float) -> LocusFeatures:
-    """A loop without dynamics: one point, at every frequency; named by omega = 0."""
-    point = Points(np.zeros(1), np.array([D], dtype=complex))
-    none = Points(np.zeros(0), np.zeros(0, dtype=complex))
-    alpha = 2.0 * abs(1.0 + D) / abs(1.0 - D) if D != 1.0 else math.inf
-    return LocusFeatures(
-        point if D < 0.0 else none, point if abs(D) == 1.0 else none, point, point, abs(1.0 + D), alpha
-    )
+        return 0.0, math.inf  # the gain does not fall below 1: any delay destabilises at a high enough frequency
+    delays = [
+        ((math.atan2(-L.imag, -L.real) % _TWO_PI) / omega, omega / _TWO_PI)
+        for omega, L in zip(circle.omega.tolist(), circle.L.tolist(), strict=True)
+        if omega > 0.0
+    ]
+    return min(delays, default=(math.inf, None))
 
 
 def _crossings(axis: Points, circle: Points) -> tuple[Crossing, ...]:

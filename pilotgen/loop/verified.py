@@ -19,6 +19,7 @@ import numpy as np
 from pilotgen.linear.exact import (
     Dyadic,
     Polynomial,
+    Rational,
     add,
     derivative,
     divide,
@@ -27,11 +28,11 @@ from pilotgen.linear.exact import (
     is_hurwitz,
     multiply,
     positive_roots,
-    rational,
+    quotient,
     value,
 )
 from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.crossings import FAINT, HUGE, LocusFeatures, Points
+from pilotgen.loop.crossings import FAINT, HUGE, LocusFeatures, Points, constant_features
 
 _TOUCH = 32.0 * float(np.finfo(float).eps)  # an extremum this close to the circle or the axis (relative) touches it
 _ONE_PLACE = 1e-6  # two crossings with values this close, and a touch between them, are one touch
@@ -66,15 +67,8 @@ def affordable(model: StateSpaceModel) -> bool:
     return spread * model.n_states**2 < _MAX_BITS and spread < 1000.0
 
 
-def verified(model: StateSpaceModel) -> Verified:
-    """Stability and features of the loop closed with unity negative feedback.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-        The loop L, `affordable`, not constant.
-    """
-    loop = rational(model)
+def verified(loop: Rational) -> Verified:
+    """Stability and features of the loop num / den closed with unity negative feedback."""
     closed = add(loop.num, loop.den)
     stable = len(closed) == len(loop.den) and is_hurwitz(closed)
     return Verified(stable, _Features(loop.num, loop.den, loop.exponent).find())
@@ -101,6 +95,8 @@ class _Features:
 
     def find(self) -> LocusFeatures:
         """All features."""
+        if len(self.den) == 1:
+            return constant_features(quotient(self.num[0] if self.num else 0, self.den[0]))
         plus, minus = _squares(add(self.num, self.den)), _squares(add(self.den, self.num, -1))
         nearest, distance = self._lowest(plus, self.D2)
         disk, ratio = self._lowest(plus, minus)
@@ -117,16 +113,16 @@ class _Features:
         more += (x.k + more) % 2
         root, half = math.isqrt(x.c << more), (x.k + more) // 2  # sqrt(x) = root 2^-half
         g, h, d = (value(p, x) << x.k * (size + 1 - len(p)) if p else 0 for p in (self.G, self.H, self.D2))
-        L = complex(_quotient(g, d), _quotient(h * root, d << half if half >= 0 else d >> -half))
-        return _Point(_quotient(root << max(self.exponent, 0), 1 << (half + max(-self.exponent, 0))), L)
+        L = complex(quotient(g, d), quotient(h * root, d << half if half >= 0 else d >> -half))
+        return _Point(quotient(root << max(self.exponent, 0), 1 << (half + max(-self.exponent, 0))), L)
 
     def _ends(self) -> list[_Point]:
         """L at omega = 0, if it is finite there, and at infinity."""
         ends = []
         if self.den[0]:
-            ends.append(_Point(0.0, complex(_quotient(self.num[0] if self.num else 0, self.den[0]))))
+            ends.append(_Point(0.0, complex(quotient(self.num[0] if self.num else 0, self.den[0]))))
         top = self.num[-1] if len(self.num) == len(self.den) else 0
-        return [*ends, _Point(math.inf, complex(_quotient(top, self.den[-1])))]
+        return [*ends, _Point(math.inf, complex(quotient(top, self.den[-1])))]
 
     # What is smallest
 
@@ -134,15 +130,15 @@ class _Features:
         """The point where U / V is smallest, and the square root of that: every root of the derivative is tried."""
         best, smallest = _Point(math.inf, self._ends()[-1].L), math.inf
         if len(U) <= len(V):
-            smallest = _quotient(U[-1], V[-1]) if len(U) == len(V) else 0.0
+            smallest = quotient(U[-1], V[-1]) if len(U) == len(V) else 0.0
         if V[0]:
-            at_zero = _quotient(U[0] if U else 0, V[0])
+            at_zero = quotient(U[0] if U else 0, V[0])
             if at_zero < smallest:
                 best, smallest = _Point(0.0, self._ends()[0].L if self.den[0] else complex(math.inf)), at_zero
         for x in positive_roots(_numerator_of_slope(U, V)):
             v = value(V, x) << x.k * max(len(U) - len(V), 0)
             u = value(U, x) << x.k * max(len(V) - len(U), 0)
-            if v and (ratio := _quotient(u, v)) < smallest:
+            if v and (ratio := quotient(u, v)) < smallest:
                 best, smallest = self._at(x), ratio
         return best, math.sqrt(smallest)
 
@@ -227,15 +223,7 @@ def _numerator_of_slope(U: Polynomial, V: Polynomial) -> Polynomial:
 
 def _relative(f: Polynomial, size: Polynomial, x: Dyadic) -> float:
     """abs(f) / size at x, size of the same degree or higher."""
-    return abs(_quotient(value(f, x) << x.k * (len(size) - len(f)), value(size, x)))
-
-
-def _quotient(a: int, b: int) -> float:
-    """a / b, rounded once; infinite beyond the range of doubles."""
-    try:
-        return a / b
-    except OverflowError:
-        return math.copysign(math.inf, (a > 0) == (b > 0) or -1)
+    return abs(quotient(value(f, x) << x.k * (len(size) - len(f)), value(size, x)))
 
 
 def _points(points: list[_Point]) -> Points:
