@@ -112,7 +112,7 @@ class Batch:
         tasks = [self.make_task(missing[key]) for key in order]
         for index, outcome in self.workers.run(self.function, tasks):
             key = order[index]
-            result, cpu_s = _as_result(outcome, missing[key])
+            result, cpu_s = as_result(outcome, missing[key])
             self.journal.add(Record(key, dict(missing[key]), str(result["status"]), result, cpu_s))
             answers[key] = result
             self.progress.evaluated += 1
@@ -141,7 +141,8 @@ class Batch:
             self.on_progress(self.progress, milestone)
 
 
-def _as_result(outcome: Any, values: Mapping[str, float]) -> tuple[dict[str, Any], float]:
+def as_result(outcome: Any, values: Mapping[str, float]) -> tuple[dict[str, Any], float]:
+    """What a worker answered as a result object and CPU seconds; a lost worker is a failed pilot."""
     if isinstance(outcome, WorkerLost):
         return {"status": "failed", "stage": "worker", "reason": outcome.reason, "values": dict(values)}, 0.0
     result, cpu_s = outcome

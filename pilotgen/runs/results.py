@@ -151,6 +151,22 @@ def columns_of(
     return columns
 
 
+def structured_array(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+    """The datasets of /evaluations as one structured array, shape (n,); `inputs` becomes a field per name.
+
+    A value that is searched and computed (`stature_m`) is one field. Objectives as ranked are left out: the columns of
+    their names hold what they are.
+    """
+    fields = {name: columns["inputs"][:, j] for j, name in enumerate(names)}
+    for name, column in columns.items():
+        if name not in ("inputs", "objectives"):
+            fields.setdefault(name, column.astype(str) if column.dtype == object else column)
+    table = np.empty(len(columns["status"]), dtype=[(name, column.dtype) for name, column in fields.items()])
+    for name, column in fields.items():
+        table[name] = column
+    return table
+
+
 class ResultsWriter:
     """Writes study.h5 piece by piece, whole or not at all: it takes its name when the block ends without error.
 

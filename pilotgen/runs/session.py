@@ -6,7 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.errors import FileError
-from pilotgen.runs.batch import Batch, OnProgress, Progress
+from pilotgen.runs.batch import Batch, OnProgress, Progress, as_result
 from pilotgen.runs.executor import ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
@@ -65,20 +65,7 @@ def open_batch(
     workers = _make_workers(options, most)
     try:
         with _open_journal(directory, study) as journal:
-            pickled = pickle.dumps(study)
-            to_check = print_hash if options.executor == "dask" else None  # workers may be on other machines
-
-            def make_task(values: Mapping[str, float]) -> Task:
-                return Task(
-                    pickled,
-                    study.values(values),
-                    options.mbdae,
-                    options.solver,
-                    options.mbdyn,
-                    options.time_limit_s,
-                    to_check,
-                )
-
+            make_task = _task_maker(study, options, print_hash)
             batch = Batch(
                 journal,
                 workers,
@@ -95,6 +82,55 @@ def open_batch(
             yield batch
     finally:
         workers.close()
+
+
+def evaluate_pilots(
+    study: Study,
+    pilots: Sequence[Mapping[str, float]],
+    options: RunOptions,
+    on_progress: OnProgress | None = None,
+) -> list[dict[str, Any]]:
+    """Result objects of these pilots (complete values), in their order; nothing is recorded.
+
+    Raises
+    ------
+    FileError
+        There is no solver, or workers cannot be had.
+    """
+    print_hash = fingerprint(study, options.mbdae, options.solver)
+    make_task = _task_maker(study, options, print_hash)
+    progress = Progress(len(pilots))
+    found: dict[int, dict[str, Any]] = {}
+    workers = _make_workers(options, max(1, len(pilots)))
+    try:
+        for index, outcome in workers.run(run_task, [make_task(values) for values in pilots]):
+            found[index], cpu_s = as_result(outcome, pilots[index])
+            progress.evaluated += 1
+            progress.cpu_s += cpu_s
+            progress.failed += found[index]["status"] != "ok"
+            if on_progress is not None:
+                on_progress(progress, False)
+    finally:
+        workers.close()
+    return [found[index] for index in range(len(pilots))]
+
+
+def _task_maker(study: Study, options: RunOptions, print_hash: str) -> Callable[[Mapping[str, float]], Task]:
+    pickled = pickle.dumps(study)
+    to_check = print_hash if options.executor == "dask" else None  # workers may be on other machines
+
+    def make_task(values: Mapping[str, float]) -> Task:
+        return Task(
+            pickled,
+            study.values(values),
+            options.mbdae,
+            options.solver,
+            options.mbdyn,
+            options.time_limit_s,
+            to_check,
+        )
+
+    return make_task
 
 
 def _make_workers(options: RunOptions, most: int) -> Workers:
