@@ -32,7 +32,7 @@ from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
-from pilotgen.posture.cockpit import Cockpit, check_cockpit, make_cockpit
+from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
 from pilotgen.solver.client import SolverClient, SolverReply, find_mbdae
 from pilotgen.solver.matrices import Matrices, read_matrices
@@ -55,7 +55,7 @@ SOLVER_ATTEMPTS = 3  # a solver can be killed from outside; a deck that kills it
 class Evaluation:
     """One pilot, evaluated."""
 
-    values: dict[str, float]
+    values: dict[str, Any]  # his own, and what else he has other than the study by its path
     result: dict[str, Any]  # JSON-able, the content of result.json
     pilot_model: PilotModel
     loop: LoopModel
@@ -66,7 +66,7 @@ class Evaluation:
 class FailedEvaluation:
     """One pilot that could not be evaluated, and why."""
 
-    values: dict[str, float]
+    values: dict[str, Any]
     stage: str
     reason: str
 
@@ -102,7 +102,6 @@ class EvaluationContext:
         self.study = study
         self.solver = solver
         self.time_limit_s = time_limit_s
-        check_cockpit(study.cockpit, study.where)
         # A missing program is found out before anything is written.
         self.mbdae = find_mbdae(mbdae) if study.pilot.model == "multibody" else None
         self.mbdyn = find_mbdyn(mbdyn) if solver == "mbdyn" else None
@@ -171,10 +170,20 @@ class EvaluationContext:
 
 
 def evaluate(
-    context: EvaluationContext, values: Mapping[str, float], keep: Path | None = None
+    context: EvaluationContext, values: Mapping[str, Any], keep: Path | None = None
 ) -> Evaluation | FailedEvaluation:
-    """Evaluate one pilot; with `keep`, decks and matrices.h5 stay in that directory."""
-    plain = {name: float(value) for name, value in values.items()}
+    """Evaluate one pilot.
+
+    Parameters
+    ----------
+    context : EvaluationContext
+        Of the study.
+    values : mapping
+        The pilot's own values, and anything else that he has other than the study by its path (`Study.values`).
+    keep : Path, optional
+        Decks and matrices.h5 stay in that directory.
+    """
+    plain = _plain(values)
     try:
         if context.study.pilot.model == "mayo":
             return _evaluate_mayo(context, plain)
@@ -185,9 +194,31 @@ def evaluate(
         return FailedEvaluation(plain, "matrices", str(error))
 
 
-def write_decks(context: EvaluationContext, values: Mapping[str, float], directory: Path) -> FailedEvaluation | None:
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values as plain data, NumPy's numbers made Python's."""
+    return {name: float(v) if isinstance(v, float | np.floating) else v for name, v in values.items()}
+
+
+def study_of(context: EvaluationContext, values: Mapping[str, Any]) -> tuple[Study, Mapping[str, float]]:
+    """The study that one pilot sees and his own values: the context's study, changed where `values` has paths.
+
+    Raises
+    ------
+    EvaluationError
+        At stage "study": values that do not go together, as a corner of a search box may hold.
+    """
+    study = context.study
+    if values.keys() <= study.nominal.keys():  # his own values alone, as in most searches
+        return study, values
+    try:
+        return study.with_values(values)
+    except StudyError as error:
+        raise EvaluationError("study", str(error)) from None
+
+
+def write_decks(context: EvaluationContext, values: Mapping[str, Any], directory: Path) -> FailedEvaluation | None:
     """Write the three decks of one pilot; None when all went well."""
-    plain = {name: float(value) for name, value in values.items()}
+    plain = _plain(values)
     try:
         solve_pilot(context, plain, directory, linearise=False)
     except EvaluationError as error:
@@ -199,6 +230,7 @@ def write_decks(context: EvaluationContext, values: Mapping[str, float], directo
 class SolvedPilot:
     """A multibody pilot in equilibrium at the controls."""
 
+    study: Study  # as he sees it
     biometrics: Biometrics
     body: Body
     cockpit: Cockpit
@@ -209,10 +241,11 @@ class SolvedPilot:
 
 
 def solve_pilot(
-    context: EvaluationContext, values: Mapping[str, float], keep: Path | None = None, linearise: bool = True
+    context: EvaluationContext, values: Mapping[str, Any], keep: Path | None = None, linearise: bool = True
 ) -> SolvedPilot:
     """Posture and activations of one pilot, the deck at the controls and, with `linearise`, its matrices."""
-    settings, inceptor = context.study.pilot, context.study.inceptor
+    study, own = study_of(context, values)
+    settings, inceptor = study.pilot, study.inceptor
     where = keep if keep is not None else context.scratch
 
     def write(name: str, text: str) -> None:
@@ -220,16 +253,16 @@ def solve_pilot(
             write_text(keep / name, text)
 
     try:
-        biometrics = biometrics_from(values, settings.sex)
+        biometrics = biometrics_from(own, settings.sex)
     except StudyError as error:  # a corner of the box, such as a tall pilot of little mass, may hold no person
         raise EvaluationError("biometrics", str(error)) from None
-    body = make_body(biometrics, settings.limbs)
+    body = make_body(biometrics, settings.limbs, settings.strength_factor)
     cockpit = make_cockpit(
         body,
         lever_length_m=inceptor.lever_length_m,
         position=inceptor.position,
         seat=settings.seat,
-        overrides=context.study.cockpit,
+        numbers=study.cockpit,
     )
     guess = first_guess(body, cockpit)
 
@@ -252,7 +285,7 @@ def solve_pilot(
     )
     write(PILOT_DECK, text)
     matrices = linearise_direct(context, text, where) if linearise else None
-    return SolvedPilot(biometrics, body, cockpit, posture, activations, text, matrices)
+    return SolvedPilot(study, biometrics, body, cockpit, posture, activations, text, matrices)
 
 
 def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> Matrices:
@@ -288,9 +321,9 @@ def linearise_direct(context: EvaluationContext, text: str, where: Path) -> Matr
     return matrices
 
 
-def _evaluate_multibody(context: EvaluationContext, values: dict[str, float], keep: Path | None) -> Evaluation:
-    study = context.study
+def _evaluate_multibody(context: EvaluationContext, values: dict[str, Any], keep: Path | None) -> Evaluation:
     pilot = solve_pilot(context, values, keep)
+    study = pilot.study
     assert pilot.matrices is not None
     model = make_pilot_model(
         pilot.matrices,
@@ -298,7 +331,7 @@ def _evaluate_multibody(context: EvaluationContext, values: dict[str, float], ke
         washout_rad_s=study.pilot.washout_rad_s,
         projection=study.pilot.projection,
     )
-    loop, verdict = _close_loop(context, model)
+    loop, verdict = _close_loop(context, study, model)
     activation = pilot.activations
     result = {
         "status": "ok",
@@ -327,16 +360,16 @@ def _evaluate_multibody(context: EvaluationContext, values: dict[str, float], ke
     return Evaluation(values, result, model, loop, verdict)
 
 
-def _evaluate_mayo(context: EvaluationContext, values: dict[str, float]) -> Evaluation:
-    study = context.study
+def _evaluate_mayo(context: EvaluationContext, values: dict[str, Any]) -> Evaluation:
+    study, own = study_of(context, values)
     model = mayo_pilot(
-        frequency_hz=values["pilot_frequency_hz"],
-        damping=values["pilot_damping"],
-        time_constant_s=values["pilot_time_constant_s"],
+        frequency_hz=own["pilot_frequency_hz"],
+        damping=own["pilot_damping"],
+        time_constant_s=own["pilot_time_constant_s"],
         lever_length_m=study.inceptor.lever_length_m,
         washout_rad_s=study.pilot.washout_rad_s,
     )
-    loop, verdict = _close_loop(context, model)
+    loop, verdict = _close_loop(context, study, model)
     result = {
         "status": "ok",
         "study": study.name,
@@ -348,13 +381,13 @@ def _evaluate_mayo(context: EvaluationContext, values: dict[str, float]) -> Eval
     return Evaluation(values, result, model, loop, verdict)
 
 
-def _close_loop(context: EvaluationContext, model: PilotModel) -> tuple[LoopModel, Margins]:
-    inceptor = context.study.inceptor
+def _close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> tuple[LoopModel, Margins]:
+    inceptor = study.inceptor
+    same = study.rotorcraft is context.study.rotorcraft
+    helicopter = context.helicopter if same else HeaveModel(study.rotorcraft)
     A, B, C, D = model.state_space()
     pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
-    loop = LoopModel(
-        pilot, context.helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions()
-    )
+    loop = LoopModel(pilot, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions())
     verdict = margins(loop)
     if verdict.stable is None:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
         assert verdict.largest_real_part is not None

@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +19,12 @@ import numpy as np
 from pilotgen.anthropometry.arm import SEGMENTS, Limb, Muscle, Segment
 from pilotgen.anthropometry.biometrics import Biometrics
 from pilotgen.errors import StudyError
-from pilotgen.study.yaml_file import read_yaml
+from pilotgen.study.yaml_file import bundled
 
 __all__ = ["SEGMENTS", "SIDES", "Body", "Limb", "Muscle", "Segment", "make_body"]
 
 SIDES = ("left", "right")
 
-_DATA = Path(__file__).parents[1] / "data"
 _MIRROR = np.array([1.0, 1.0, -1.0])  # z -> -z
 _BODIES = ("torso", *SEGMENTS)
 
@@ -75,7 +73,7 @@ class _Anatomy:
     relative_length: np.ndarray  # (25,) length / l0 at the reference posture
 
 
-def make_body(biometrics: Biometrics, limbs: Iterable[str] = ("left",)) -> Body:
+def make_body(biometrics: Biometrics, limbs: Iterable[str] = ("left",), strength_factor: float = 1.0) -> Body:
     """Make the body of one pilot.
 
     Parameters
@@ -84,6 +82,8 @@ def make_body(biometrics: Biometrics, limbs: Iterable[str] = ("left",)) -> Body:
         Age, stature, mass and sex.
     limbs : iterable of str
         Which arms: `left`, `right` or both.
+    strength_factor : float
+        Times which every muscle is as strong as the biometrics say (study key `pilot.strength_factor`).
 
     Returns
     -------
@@ -107,7 +107,7 @@ def make_body(biometrics: Biometrics, limbs: Iterable[str] = ("left",)) -> Body:
         hand=1e-3 * dimensions_mm["hand_length"],
     )
     carrying_angle_deg = float(anatomy.skeleton["carrying_angle"][f"{biometrics.sex}_deg"])
-    strength_factor = _strength_factor(anatomy.strength, biometrics, dimensions_mm["acromion_radiale_length"])
+    strength_factor *= _strength_factor(anatomy.strength, biometrics, dimensions_mm["acromion_radiale_length"])
 
     right = _skeleton(anatomy, lengths, carrying_angle_deg, _segments(anatomy, biometrics, lengths))
     ends_m, l0_m = _bundles(anatomy, right, lengths)
@@ -136,10 +136,7 @@ def make_body(biometrics: Biometrics, limbs: Iterable[str] = ("left",)) -> Body:
 
 @cache
 def _anatomy() -> _Anatomy:
-    files = {
-        name: read_yaml(_DATA / f"{name}.yaml").value
-        for name in ("anthropometry", "inertia", "strength", "skeleton", "muscles")
-    }
+    files = {name: bundled(name).value for name in ("anthropometry", "inertia", "strength", "skeleton", "muscles")}
     muscles = files["muscles"]["muscles"]
     ends = ("origin", "insertion")
     position = files["skeleton"]["anatomical_position"]

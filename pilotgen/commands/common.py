@@ -6,11 +6,13 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import StudyError
+from pilotgen.study.schema import unit_of
 from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
@@ -63,7 +65,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="biometrics of this pilot instead of the study's nominal ones, e.g. --set stature_m=1.62 bmi=28",
+        help="anything this pilot has other than the study says: biometrics by name, all other numbers and words by "
+        "their path, e.g. --set stature_m=1.62 bmi=28 inceptor.gearing_rad_per_m=0.9 pilot.task=relax",
     )
 
 
@@ -175,10 +178,24 @@ def parse_settings(texts: Sequence[str]) -> dict[str, str]:
     return settings
 
 
-def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, float]]:
-    """Study and values of the one pilot that STUDY.yaml and --set name."""
+def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, Any]]:
+    """Study and values of the one pilot that STUDY.yaml and --set name; says what lies outside the study's box."""
     study = read_study(args.study)
-    return study, apply_settings(study, parse_settings(args.settings))
+    settings = parse_settings(args.settings)
+    for name in settings:
+        if name.startswith("search."):
+            raise StudyError(f"--set {name}: how a search goes means nothing for one pilot; change it in {args.study}")
+    changed, values = apply_settings(study, settings)
+    for name, (low, high) in study.search.variables.items():
+        value = values.get(name)
+        if name in settings and isinstance(value, int | float) and not low <= value <= high:
+            unit = f" {unit_of(name)}".rstrip()
+            print(
+                f"pilotgen: note: {name} = {value:g}{unit} is outside the study's search box, "
+                f"{low:g} to {high:g}{unit}",
+                file=sys.stderr,
+            )
+    return changed, values
 
 
 def run_options(args: argparse.Namespace) -> RunOptions:

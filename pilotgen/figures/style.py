@@ -17,6 +17,7 @@ import numpy as np
 
 from pilotgen.errors import FileError
 from pilotgen.objectives import OBJECTIVES
+from pilotgen.study.schema import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,8 +91,8 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def quantity(name: str) -> Quantity:
-    """The quantity of a study's name; a name without an entry stands for itself."""
-    return QUANTITIES.get(name, Quantity(name, ""))
+    """The quantity of a study's name; a name without an entry stands for itself, with the unit that studies give it."""
+    return QUANTITIES[name] if name in QUANTITIES else Quantity(name, unit_of(name).replace("^2", "²"))
 
 
 def typeset(text: str) -> str:

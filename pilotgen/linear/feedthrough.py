@@ -29,7 +29,7 @@ from pilotgen.linear.modal import ModalModel, modes
 from pilotgen.linear.pilot_model import PilotModel, real_blocks
 from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Numbers
 from pilotgen.solver.matrices import Matrices, descriptor
-from pilotgen.study.validate import check_choice, check_positive
+from pilotgen.study.fields import Choice, check_positive
 
 _STAGE = "feedthrough"
 PROJECTIONS = ("exact", "literal")
@@ -71,7 +71,7 @@ def make_pilot_model(
         This pilot has no feedthrough: a motion is free or determined by nothing, or the model is not invariant to
         vertical translation.
     """
-    check_choice("projection", projection, PROJECTIONS)
+    Choice(PROJECTIONS).check(f"projection = {projection!r}", projection)
     check_positive("lever_length_m", lever_length_m, "m")
     names = channels or Channels()
     model = descriptor(matrices) if isinstance(matrices, Matrices) else matrices

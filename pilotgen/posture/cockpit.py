@@ -9,23 +9,16 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib import resources
 from typing import Any
 
 import numpy as np
 
 from pilotgen.anthropometry.body import Body
-from pilotgen.errors import StudyError
 from pilotgen.posture.kinematics import Pose
-from pilotgen.study.schema import did_you_mean
-from pilotgen.study.validate import check_choice, check_positive, check_within
-from pilotgen.study.yaml_file import yaml_from_text
-
-SEAT_MODES = ("design_eye", "fixed")
-DEFAULT_COCKPIT = "helicopter"  # data/cockpit.yaml
+from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_numbers
+from pilotgen.study.schema import SCHEMA
 
 
 @dataclass(frozen=True)
@@ -77,125 +70,13 @@ class Cockpit:
         }
 
 
-# What a cockpit mapping may hold: (lowest, highest, unit) of each number, so that a slip of units is noticed.
-_LIMITS: Mapping[str, Mapping[str, tuple[float, float, str]]] = {
-    "seat": {
-        "back_angle_deg": (0.0, 40.0, "deg"),
-        "vertical_travel_m": (0.0, 0.5, "m"),
-        "fore_aft_travel_m": (0.0, 0.5, "m"),
-        "slump_m": (0.0, 0.1, "m"),
-        "eye_forward_of_back_m": (0.0, 0.5, "m"),
-        "design_eye_height_m": (0.4, 1.2, "m"),
-    },
-    "shoulder": {
-        "acromion_above_GH_m": (0.0, 0.1, "m"),
-        "GH_forward_of_back_m": (0.0, 0.3, "m"),
-        "GH_lateral_over_biacromial": (0.2, 0.6, ""),
-    },
-    "collective": {
-        "grip_m": (-1.0, 1.5, "m"),
-        "lowest_angle_deg": (-30.0, 90.0, "deg"),
-        "highest_angle_deg": (-30.0, 90.0, "deg"),
-        "mass_kg": (0.01, 20.0, "kg"),
-        "inertia_kg_m2": (1e-4, 10.0, "kg m^2"),
-        "axial_inertia_kg_m2": (1e-6, 10.0, "kg m^2"),
-    },
-    "cyclic": {
-        "grip_m": (-1.0, 1.5, "m"),
-        "length_m": (0.1, 1.5, "m"),
-        "tilt_deg": (-45.0, 45.0, "deg"),
-        "mass_kg": (0.01, 20.0, "kg"),
-        "inertia_kg_m2": (1e-4, 10.0, "kg m^2"),
-        "axial_inertia_kg_m2": (1e-6, 10.0, "kg m^2"),
-    },
-}
-
-CockpitData = Mapping[str, Mapping[str, Any]]
-
-
-@lru_cache(maxsize=1)
-def _bundled() -> CockpitData:
-    text = (resources.files("pilotgen") / "data" / "cockpit.yaml").read_text(encoding="utf-8")
-    values: dict[str, Any] = yaml_from_text(text, "cockpit.yaml").value
-    return _checked(values, "cockpit.yaml")
-
-
-def cockpit_data(cockpit: str | Mapping[str, Any] | None = None) -> CockpitData:
-    """The numbers of a cockpit: the bundled one, or the bundled one with the changes of a mapping of the same shape.
-
-    Raises
-    ------
-    StudyError
-        An unknown name or key, or a number of the wrong kind or out of its range.
-    """
-    if cockpit is None or isinstance(cockpit, str):
-        check_choice("cockpit", cockpit or DEFAULT_COCKPIT, (DEFAULT_COCKPIT,))
-        return _bundled()
-    base = _bundled()
-    merged = {section: dict(values) for section, values in base.items()}
-    for section, changes in cockpit.items():
-        _check_key("cockpit", section, base)
-        if not isinstance(changes, Mapping):
-            raise StudyError(f"cockpit.{section} = {changes!r} is not a mapping; keys: {', '.join(base[section])}")
-        for key, value in changes.items():
-            _check_key(f"cockpit.{section}", key, base[section])
-            merged[section][key] = value
-    return _checked(merged, "cockpit")
-
-
-def check_cockpit(cockpit: str | Mapping[str, Any] | None, where: Callable[..., str]) -> None:
-    """Check a study's cockpit; `where(*keys)` gives `file:line` of a key of the study, for the message.
-
-    Raises
-    ------
-    StudyError
-        As `cockpit_data` does, with file and line before it.
-    """
-    try:
-        cockpit_data(cockpit)
-    except StudyError as error:
-        sections = cockpit.items() if isinstance(cockpit, Mapping) else ()
-        keys = [(section, key) for section, values in sections if isinstance(values, Mapping) for key in values]
-        message = str(error)
-        told = next((pair for pair in keys if ".".join(pair) in message or repr(pair[1]) in message), ())
-        raise StudyError(f"{where('cockpit', *told)}: {error}") from error
-
-
-def _check_key(where: str, key: str, known: Mapping[str, Any]) -> None:
-    if key not in known:
-        raise StudyError(
-            f"{where}: key {key!r} is not known; {did_you_mean(str(key), list(known))}known keys: {', '.join(known)}"
-        )
-
-
-def _checked(values: Mapping[str, Any], name: str) -> CockpitData:
-    for section, limits in _LIMITS.items():
-        for key, (low, high, unit) in limits.items():
-            value = values[section][key]
-            what = f"{name}.{section}.{key}"
-            numbers = value if key == "grip_m" else [value]
-            if key == "grip_m" and not (isinstance(value, list) and len(value) == 3):
-                raise StudyError(f"{what} = {value!r} must be three numbers [x, y, z] in m")
-            for number in numbers:
-                if isinstance(number, bool) or not isinstance(number, int | float):
-                    raise StudyError(f"{what} = {number!r} is not a number; {low:g} to {high:g} {unit} is wanted")
-                check_within(what, float(number), low, high, unit)
-    lowest, highest = (float(values["collective"][f"{k}_angle_deg"]) for k in ("lowest", "highest"))
-    if lowest >= highest:
-        raise StudyError(
-            f"{name}.collective.lowest_angle_deg = {lowest:g} deg must be below highest_angle_deg = {highest:g} deg; "
-            "swap them"
-        )
-    return values
-
-
 def make_cockpit(
     body: Body,
     *,
     lever_length_m: float,
     position: float,
     seat: str = "design_eye",
-    overrides: str | Mapping[str, Any] | None = None,
+    numbers: CockpitNumbers | None = None,
 ) -> Cockpit:
     """Put one pilot into the cockpit.
 
@@ -209,18 +90,18 @@ def make_cockpit(
         Collective from 0 (full down) to 1 (full up).
     seat : str
         "design_eye": the seat is moved, within its travel, until the eye is at the design eye point; "fixed": middle.
-    overrides : str or mapping, optional
-        Name of a bundled cockpit or changes to it, see `cockpit_data`.
+    numbers : mapping, optional
+        Of the cockpit, all of them (`cockpit_numbers`); the bundled ones if not given.
 
     Raises
     ------
     StudyError
         A setting out of range.
     """
-    check_positive("lever_length_m", lever_length_m, "m", "lengths are in metres: 320 mm is 0.32")
-    check_within("position", position, 0.0, 1.0, hint="0 is full down, 1 is full up")
-    check_choice("seat", seat, SEAT_MODES)
-    data = cockpit_data(overrides)
+    SCHEMA["inceptor.lever_length_m"].check(f"lever_length_m = {lever_length_m:g}", lever_length_m)
+    SCHEMA["inceptor.position"].check(f"position = {position:g}", position)
+    SCHEMA["pilot.seat"].check(f"seat = {seat!r}", seat)
+    data = cockpit_numbers() if numbers is None else numbers
     shift, eye, mismatch = _adjust_seat(body, data["seat"], seat)
     return Cockpit(
         torso={side: _shoulder(body, data, side, shift) for side in body.limbs},
@@ -257,7 +138,7 @@ def _adjust_seat(body: Body, seat: Mapping[str, Any], mode: str) -> tuple[np.nda
     return shift, eye + shift, eye + shift - design
 
 
-def _shoulder(body: Body, data: CockpitData, side: str, shift: np.ndarray) -> Pose:
+def _shoulder(body: Body, data: CockpitNumbers, side: str, shift: np.ndarray) -> Pose:
     seat, shoulder = data["seat"], data["shoulder"]
     height = body.acromial_height_sitting_m - seat["slump_m"] - shoulder["acromion_above_GH_m"]
     x, y = (_on_the_back(shoulder["GH_forward_of_back_m"], height, seat["back_angle_deg"]) + shift).tolist()

@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 from typing import Any, Protocol
 
 import numpy as np
@@ -37,7 +36,7 @@ from pilotgen.posture.kinematics import (
     rotation_vector,
     rotation_vector_rate,
 )
-from pilotgen.study.yaml_file import yaml_from_text
+from pilotgen.study.yaml_file import bundled
 
 _GUESS_ITERATIONS = 12
 _GUESS_STEP_RAD = 0.6  # longest Newton step
@@ -72,8 +71,7 @@ class Ergonomics:
 @lru_cache(maxsize=1)
 def ergonomics() -> Ergonomics:
     """The bundled numbers of `data/ergonomics.yaml`."""
-    text = (resources.files("pilotgen") / "data" / "ergonomics.yaml").read_text(encoding="utf-8")
-    data: dict[str, Any] = yaml_from_text(text, "ergonomics.yaml").value
+    data: dict[str, Any] = bundled("ergonomics").value
     ranges = {name: (float(low), float(high)) for name, (low, high) in data["range_of_motion"].items()}
     range_of = dict(zip(JOINT_COORDINATES, (_RANGE_OF_COORDINATE[name] for name in JOINT_COORDINATES), strict=True))
     neutral, K1, K3 = (np.empty(COORDINATES) for _ in range(3))

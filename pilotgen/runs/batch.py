@@ -17,6 +17,7 @@ from pilotgen.errors import PilotgenError
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.executor import WorkerLost, Workers
 from pilotgen.runs.journal import Journal, Record, evaluation_key
+from pilotgen.study.fields import setting_text
 
 RESULTS_NAME = "study.h5"
 
@@ -162,8 +163,8 @@ def failures_by_reason(results: Sequence[Mapping[str, Any]]) -> list[tuple[str, 
     return [(stage, str(members[0]["reason"]), len(members), members[0]) for (stage, _), members in ordered]
 
 
-def replay_command(study: str, values: Mapping[str, float], solver: str = "mbdae", directory: str = "replay") -> str:
+def replay_command(study: str, values: Mapping[str, Any], solver: str = "mbdae", directory: str = "replay") -> str:
     """The command line that evaluates one pilot of a study again, with the solver that evaluated it."""
-    settings = " ".join(f"{name}={float(value)!r}" for name, value in values.items())
+    settings = shlex.join(f"{name}={setting_text(value)}" for name, value in values.items())
     other = "" if solver == "mbdae" else f" --solver {solver}"
     return f"pilotgen pilot {shlex.quote(study)} -o {directory}{other} --set {settings}"

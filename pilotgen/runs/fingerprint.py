@@ -11,7 +11,6 @@ from pathlib import Path
 
 from pilotgen import __version__
 from pilotgen.decks.text import template_directory
-from pilotgen.posture.cockpit import check_cockpit
 from pilotgen.solver.client import SolverClient, find_mbdae
 from pilotgen.study.study import Study
 
@@ -35,7 +34,6 @@ def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -
     The study's settings, the code of the rooms that compute (`PHYSICS`), every template and every number of data in
     this package, and the solver program.
     """
-    check_cockpit(study.cockpit, study.where)  # like a missing solver, found out before anything is written
     digest = hashlib.sha256()
     digest.update(f"pilotgen {__version__}\n{solver}\n{study.canonical()}\n".encode())
     package = Path(__file__).parents[1]

@@ -27,7 +27,7 @@ class Task:
     """
 
     study: bytes
-    values: dict[str, float]
+    values: dict[str, Any]  # `Study.values`
     mbdae: str | None = None
     solver: str = "mbdae"
     mbdyn: str | None = None

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotgen.study.fields import Whole
+from pilotgen.study.schema import field_of
 from pilotgen.study.study import SearchSettings
 
 
@@ -24,18 +26,22 @@ class Problem:
         Lower and upper bounds, in the units of the names.
     objectives : tuple of str
         What is minimised, in the order of the columns of F.
+    whole : frozenset of str
+        Variables that are counted, not measured: `values` rounds them.
     """
 
     names: tuple[str, ...]
     xl: np.ndarray
     xu: np.ndarray
     objectives: tuple[str, ...]
+    whole: frozenset[str] = frozenset()
 
     @classmethod
     def from_settings(cls, settings: SearchSettings) -> Problem:
         """Return the problem of a study's `search` section."""
         bounds = np.array(list(settings.variables.values()), dtype=float)
-        return cls(tuple(settings.variables), bounds[:, 0].copy(), bounds[:, 1].copy(), settings.objectives)
+        whole = frozenset(name for name in settings.variables if isinstance(field_of(name), Whole))
+        return cls(tuple(settings.variables), bounds[:, 0].copy(), bounds[:, 1].copy(), settings.objectives, whole)
 
     @property
     def n_var(self) -> int:
@@ -49,4 +55,5 @@ class Problem:
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """Return one row of X by name."""
-        return {name: float(value) for name, value in zip(self.names, x, strict=True)}
+        named = {name: float(value) for name, value in zip(self.names, x, strict=True)}
+        return {**named, **{name: float(round(named[name])) for name in self.whole}}

@@ -1,6 +1,10 @@
-"""Declared fields of a YAML mapping: type, range, unit, default; one voice for what is wrong with a value.
+"""The schema of a study: every key by its path, with type, unit, range, default, hint and meaning.
 
-A schema library would do the same for 90 ms of import, a tenth of what a command may take in all.
+Who adds a number to studies adds a row here and a field of the same name to the dataclass that holds its section
+(`pilotgen/study/study.py`). Reading, `--set` and `search.variables` follow; a test holds the format page
+(`docs/io_formats/study.md`) against this table.
+
+Limits are sanity limits: beyond them a value is a slip (of units, mostly), not a design or a pilot.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -9,194 +13,447 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from pilotgen.errors import StudyError
-from pilotgen.study.yaml_file import KeyPath, YamlDocument
+from pilotgen.objectives import DEFAULT_OBJECTIVES, OBJECTIVES
+from pilotgen.study.fields import (
+    Bounds,
+    Choice,
+    Field,
+    Name,
+    Number,
+    Section,
+    Text,
+    Vector,
+    Whole,
+    Words,
+    did_you_mean,
+)
+from pilotgen.study.yaml_file import bundled
 
-REQUIRED: Any = object()  # the default of a field that has none
+MULTIBODY, MAYO = "multibody", "mayo"  # pilot models
 
+MAYO_PRESETS: Mapping[str, Mapping[str, float]] = {  # Mayo (1989), as in Table 2 of the reference paper
+    "ectomorphic": {"pilot_frequency_hz": 3.380, "pilot_damping": 0.320, "pilot_time_constant_s": 0.117},
+    "mesomorphic": {"pilot_frequency_hz": 3.750, "pilot_damping": 0.280, "pilot_time_constant_s": 0.107},
+}
 
-@dataclass(frozen=True)
-class Value:
-    """One value of a document, which knows where it stands."""
-
-    document: YamlDocument
-    path: KeyPath
-
-    @property
-    def data(self) -> Any:
-        """The plain data."""
-        data = self.document.value
-        for key in self.path:
-            data = data[key]
-        return data
-
-    @property
-    def where(self) -> str:
-        """`file:line`."""
-        return self.document.where(self.path)
-
-    @property
-    def key(self) -> str:
-        """The path as it is read aloud: `search.variables.bmi[0]`."""
-        text = ""
-        for part in self.path:
-            text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-        return text
-
-    def child(self, key: str | int) -> Value:
-        """Return an entry of this mapping or list."""
-        return Value(self.document, (*self.path, key))
-
-    def error(self, problem: str) -> StudyError:
-        """Return an error that says where, what came and `problem`."""
-        if not self.path:
-            return StudyError(f"{self.where}: the file {problem}")
-        return StudyError(f"{self.where}: {self.key} = {shown(self.data)} {problem}")
-
-    def missing(self, *names: str) -> StudyError:
-        """Return an error about a key that is not there (or, with several names, one of which should be)."""
-        name = " or ".join(repr(name) for name in names)
-        place = f"in {self.key!r}" if self.path else "at the top level"
-        return StudyError(f"{self.where}: key {name} is missing {place}; add it")
+# Names under which a rotor speed may come in another unit, and how many of that unit make one Hz.
+_ROTOR_SPEED_UNITS = {"rpm": 60.0, "rad_s": 2.0 * math.pi, "rad_per_s": 2.0 * math.pi}
 
 
-@dataclass(frozen=True)
-class Field:
-    """Base of the declared fields."""
-
-    def check(self, what: str, data: Any) -> Any:
-        """Return `data` converted, or raise StudyError whose message starts with `what`."""
-        raise NotImplementedError
-
-    def read(self, value: Value) -> Any:
-        """Check a value of a document."""
-        return self.check(f"{value.where}: {value.key} = {shown(value.data)}", value.data)
+def _rotor_speed_hint(value: Any) -> str:
+    number = isinstance(value, int | float) and math.isfinite(value) and value > 15.0
+    readings = {} if not number else {"rpm": value / 60.0, "rad/s": value / (2.0 * math.pi)}
+    told = [f"{value:g} {unit} = {hz:.3g} Hz" for unit, hz in readings.items() if 1.0 <= hz <= 15.0]
+    return f"it looks like rpm or rad/s; give Hz: {' or '.join(told)}" if told else "give revolutions per second"
 
 
-@dataclass(frozen=True)
-class Number(Field):
-    """A number in a range; `hint` says what to do when it is not."""
-
-    low: float
-    high: float
-    unit: str
-    default: Any = REQUIRED
-    null: bool = False  # null is allowed and gives None
-    hint: str = ""
-
-    def check(self, what: str, data: Any) -> Any:
-        """Return the number as float (None for an allowed null)."""
-        unit = f" {self.unit}" if self.unit else ""
-        hint = f"; {self.hint}" if self.hint else ""
-        if data is None and self.null:
-            return None
-        if isinstance(data, bool) or not isinstance(data, int | float):
-            raise StudyError(
-                f"{what} is not a number; a number from {self.low:g} to {self.high:g}{unit} is wanted{hint}"
-            )
-        if not (math.isfinite(data) and self.low <= data <= self.high):
-            raise StudyError(f"{what} is outside {self.low:g} to {self.high:g}{unit}{hint}")
-        return float(data)
+def _rotor_speed_in_another_unit(key: str, value: Any) -> str:
+    per_hz = _ROTOR_SPEED_UNITS.get(key.removeprefix("rotor_speed_"))
+    if per_hz is None:
+        return ""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return "the rotor speed is given in Hz" + (f"; write rotor_speed_hz: {value / per_hz:.4g}" if number else "")
 
 
-@dataclass(frozen=True)
-class Whole(Field):
-    """A whole number in a range."""
-
-    low: int
-    high: int
-    default: Any = REQUIRED
-
-    def check(self, what: str, data: Any) -> int:
-        """Return the number as int."""
-        if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data) or data != int(data):
-            raise StudyError(f"{what} is not a whole number; one from {self.low} to {self.high} is wanted")
-        if not self.low <= data <= self.high:
-            raise StudyError(f"{what} is outside {self.low} to {self.high}; choose a number in that range")
-        return int(data)
+def _height_hint(value: Any) -> str:
+    if isinstance(value, int | float):
+        for unit, per_m in (("mm", 1000.0), ("cm", 100.0)):
+            if 1.3 <= value / per_m <= 2.2:
+                return f"heights are in metres: {value:g} {unit} is {value / per_m:g}"
+    return "heights are in metres: 1775 mm is 1.775"
 
 
-@dataclass(frozen=True)
-class Choice(Field):
-    """One of a few words."""
+_POINT = "position from the neutral seat reference point: x forward, y up, z right"
+_MASS, _INERTIA, _AXIAL = (0.01, 20.0, "kg"), (1e-4, 10.0, "kg m^2"), (1e-6, 10.0, "kg m^2")
 
-    choices: tuple[str, ...]
-    default: Any = REQUIRED
+SCHEMA: Mapping[str, Field] = {
+    "study": Name(meaning="names the results"),
+    # ---- rotorcraft: wide ranges, from a 200 kg ultralight to a heavy-lift helicopter with eight blades
+    "rotorcraft": Section(
+        words=lambda: tuple(bundled("rotorcraft").value),
+        unknown=_rotor_speed_in_another_unit,
+        meaning="a bundled rotorcraft, or a mapping with the symbols of its heave model",
+    ),
+    "rotorcraft.mass_kg": Number(100.0, 100_000.0, "kg", hint="the total mass of the vehicle", meaning="total mass"),
+    "rotorcraft.blades": Whole(1, 10, meaning="number of blades"),
+    "rotorcraft.rotor_radius_m": Number(
+        1.0, 25.0, "m", hint="the radius, not the diameter, in metres (1 ft = 0.3048 m)", meaning="rotor radius"
+    ),
+    "rotorcraft.rotor_speed_hz": Number(
+        1.0, 15.0, "Hz", hint=_rotor_speed_hint, meaning="revolutions per second: 265 rpm is 4.42"
+    ),
+    "rotorcraft.lock_number": Number(
+        1.0, 20.0, "", hint="gamma = rho a c R^4 / I_beta, dimensionless", meaning="rho a c R^4 / I_beta"
+    ),
+    "rotorcraft.flap_static_moment_kg_m": Number(
+        1.0, 10_000.0, "kg m", hint="first moment of one blade (1 slug ft = 4.448 kg m)", meaning="of one blade"
+    ),
+    "rotorcraft.flap_inertia_kg_m2": Number(
+        1.0,
+        100_000.0,
+        "kg m^2",
+        hint="second moment of one blade (1 slug ft^2 = 1.3558 kg m^2)",
+        meaning="of one blade",
+    ),
+    "rotorcraft.flap_frequency_ratio": Number(
+        1.0,
+        1.5,
+        "",
+        hint="rotating flap frequency over rotor speed",
+        meaning="rotating flap frequency over Omega",
+    ),
+    "rotorcraft.name": Text(default="rotorcraft of the study", meaning="what reports call it"),
+    "rotorcraft.source": Text(default="study file", meaning="where the numbers are from"),
+    # ---- inceptor
+    "inceptor": Section(meaning="the collective lever"),
+    "inceptor.lever_length_m": Number(
+        0.10, 1.00, "m", hint="lengths are in metres: 320 mm is 0.32", meaning="collective hinge to grip"
+    ),
+    "inceptor.gearing_rad_per_m": Number(
+        0.01,
+        20.0,
+        "rad/m",
+        hint="rad of blade pitch per metre of grip travel; the Puma of the paper has 1.1",
+        meaning="blade pitch per metre of grip travel, G0; blade pitch per lever rotation is this times the lever "
+        "length",
+    ),
+    "inceptor.position": Number(
+        0.0,
+        1.0,
+        "",
+        default=0.5,
+        hint="collective from 0 (full down) to 1 (full up)",
+        meaning="collective from full down to full up",
+    ),
+    # ---- pilot
+    "pilot": Section(meaning="how the pilot is modelled"),
+    "pilot.model": Choice(
+        (MULTIBODY, MAYO), meaning="a generated deck linearised by the solver, or Mayo's transfer function"
+    ),
+    "pilot.washout_rad_s": Number(
+        0.01,
+        100.0,
+        "rad/s",
+        default=3.10,  # Eq. (40) of the reference paper
+        null=True,
+        hint="write null for no washout",
+        meaning="corner of the second-order high-pass by which the pilot trims slow errors away; null for none",
+    ),
+    "pilot.sex": Choice(("male", "female"), model=MULTIBODY, meaning="which regressions and strengths"),
+    "pilot.task": Choice(
+        ("position", "force", "relax"),
+        default="position",
+        model=MULTIBODY,
+        meaning="what the pilot tries to do; selects the reflex gains",
+    ),
+    "pilot.projection": Choice(
+        ("exact", "literal"),
+        default="exact",
+        model=MULTIBODY,
+        meaning="the feedthrough: exact, or the reference paper's Eq. (31) to the letter",
+    ),
+    "pilot.seat": Choice(
+        ("design_eye", "fixed"),
+        default="design_eye",
+        model=MULTIBODY,
+        meaning="seat adjusted to the design eye point, or at its middle",
+    ),
+    "pilot.activation_floor": Number(
+        0.0,
+        0.2,
+        "",
+        default=0.0,
+        model=MULTIBODY,
+        hint="a tonic activation of every muscle, 0 for none",
+        meaning="tonic activation below which no muscle goes",
+    ),
+    "pilot.strength_factor": Number(
+        0.1,
+        10.0,
+        "",
+        default=1.0,
+        model=MULTIBODY,
+        hint="a factor: a pilot who is 20 % weaker than his biometrics say has 0.8",
+        meaning="times which every muscle is as strong as the biometrics say",
+    ),
+    "pilot.matrix_coefficient_s": Number(
+        1e-6,
+        1.0,
+        "s",
+        default=0.01,
+        model=MULTIBODY,
+        hint="the coefficient c of the matrix pair J(c), J(-c)",
+        meaning="coefficient c of the matrix pair J(c), J(-c)",
+    ),
+    "pilot.limbs": Words(
+        ("left", "right"),
+        must="left",
+        default=("left",),
+        model=MULTIBODY,
+        hint="the left hand holds the collective lever",
+        meaning="arms in the deck; `left` holds the collective and must be there",
+    ),
+    "pilot.reflex": Section(
+        default=None, null=True, model=MULTIBODY, meaning="gains of your own instead of the calibrated ones"
+    ),
+    "pilot.reflex.proportional_gain": Number(
+        0.0,
+        50.0,
+        "",
+        default=None,
+        hint="positive gains oppose stretch",
+        meaning="activation per relative stretch; positive opposes stretch",
+        model=MULTIBODY,
+    ),
+    "pilot.reflex.derivative_gain": Number(
+        0.0,
+        50.0,
+        "",
+        default=None,
+        hint="positive gains oppose stretch",
+        meaning="activation per relative stretch velocity; positive opposes stretch",
+        model=MULTIBODY,
+    ),
+    # ---- cockpit: what a missing key stands for is in pilotgen/data/cockpit.yaml
+    "cockpit": Section(
+        default=None,
+        null=True,
+        words=lambda: ("helicopter",),
+        model=MULTIBODY,
+        meaning="another cockpit than the bundled one, or values that differ from it",
+    ),
+    "cockpit.seat": Section(default=None, meaning="seat, and where the eyes are on it"),
+    "cockpit.seat.back_angle_deg": Number(0.0, 40.0, "deg", default=None, meaning="back from vertical"),
+    "cockpit.seat.vertical_travel_m": Number(
+        0.0, 0.5, "m", default=None, meaning="of the seat, either way from the middle"
+    ),
+    "cockpit.seat.fore_aft_travel_m": Number(0.0, 0.5, "m", default=None, meaning="the same fore and aft"),
+    "cockpit.seat.slump_m": Number(
+        0.0, 0.1, "m", default=None, meaning="a relaxed pilot is so much lower than the erect subject of a survey"
+    ),
+    "cockpit.seat.eye_forward_of_back_m": Number(0.0, 0.5, "m", default=None, meaning="eye in front of the back plane"),
+    "cockpit.seat.design_eye_height_m": Number(
+        0.4,
+        1.2,
+        "m",
+        default=None,
+        meaning="eye height above the pan, along the back, for which the cockpit was laid out",
+    ),
+    "cockpit.shoulder": Section(default=None, meaning="where the shoulder joints are"),
+    "cockpit.shoulder.acromion_above_GH_m": Number(
+        0.0, 0.1, "m", default=None, meaning="shoulder point above the shoulder joint's centre"
+    ),
+    "cockpit.shoulder.GH_forward_of_back_m": Number(
+        0.0, 0.3, "m", default=None, meaning="shoulder joint's centre in front of the back plane"
+    ),
+    "cockpit.shoulder.GH_lateral_over_biacromial": Number(
+        0.2, 0.6, "", default=None, meaning="its distance from the mid-plane over the biacromial breadth"
+    ),
+    "cockpit.collective": Section(default=None, meaning="the collective lever, `lever` for short"),
+    "cockpit.collective.grip_m": Vector(
+        3, -1.0, 1.5, "m", default=None, hint=_POINT, meaning="grip at half travel, three numbers"
+    ),
+    "cockpit.collective.lowest_angle_deg": Number(
+        -30.0, 90.0, "deg", default=None, meaning="lever above horizontal, full down"
+    ),
+    "cockpit.collective.highest_angle_deg": Number(-30.0, 90.0, "deg", default=None, meaning="full up"),
+    "cockpit.collective.mass_kg": Number(*_MASS, default=None, meaning="of the lever, balanced about its hinge"),
+    "cockpit.collective.inertia_kg_m2": Number(*_INERTIA, default=None, meaning="about the hinge"),
+    "cockpit.collective.axial_inertia_kg_m2": Number(*_AXIAL, default=None, meaning="about the lever's own axis"),
+    "cockpit.cyclic": Section(default=None, meaning="the cyclic stick"),
+    "cockpit.cyclic.grip_m": Vector(
+        3, -1.0, 1.5, "m", default=None, hint=_POINT, meaning="grip in the middle of the travel, three numbers"
+    ),
+    "cockpit.cyclic.length_m": Number(0.1, 1.5, "m", default=None, meaning="pivot to grip"),
+    "cockpit.cyclic.tilt_deg": Number(
+        -45.0, 45.0, "deg", default=None, meaning="stick from vertical, top rearward positive"
+    ),
+    "cockpit.cyclic.mass_kg": Number(*_MASS, default=None, meaning="of the stick, balanced about its pivot"),
+    "cockpit.cyclic.inertia_kg_m2": Number(*_INERTIA, default=None, meaning="about both axes of the pivot"),
+    "cockpit.cyclic.axial_inertia_kg_m2": Number(*_AXIAL, default=None, meaning="about the stick's own axis"),
+    # ---- the pilot's own values: what they are without a search
+    "nominal": Section(
+        words=lambda: tuple(MAYO_PRESETS),
+        either=("mass_kg", "bmi"),
+        why="the stature gives one from the other",
+        meaning="the pilot that `pilotgen pilot` evaluates, and the values that a search does not vary",
+    ),
+    "nominal.age_years": Number(
+        18.0, 80.0, "years", model=MULTIBODY, hint="adults only: the regressions are of adults", meaning="age"
+    ),
+    "nominal.mass_kg": Number(
+        35.0, 200.0, "kg", default=None, model=MULTIBODY, hint="body mass is in kilograms", meaning="body mass"
+    ),
+    "nominal.bmi": Number(
+        14.0,
+        50.0,
+        "kg/m^2",
+        default=None,
+        model=MULTIBODY,
+        hint="body mass index is mass in kg over the square of stature in m",
+        meaning="body mass index, mass over stature squared",
+    ),
+    "nominal.stature_m": Number(1.30, 2.20, "m", model=MULTIBODY, hint=_height_hint, meaning="standing height"),
+    "nominal.pilot_frequency_hz": Number(
+        0.5,
+        10.0,
+        "Hz",
+        model=MAYO,
+        hint="the frequency is in Hz, not rad/s",
+        meaning="natural frequency of Mayo's pilot",
+    ),
+    "nominal.pilot_damping": Number(
+        0.01, 1.5, "", model=MAYO, hint="the damping ratio is a fraction: 32 % is 0.32", meaning="its damping ratio"
+    ),
+    "nominal.pilot_time_constant_s": Number(
+        0.005,
+        1.0,
+        "s",
+        model=MAYO,
+        hint="the time constant is in seconds: 117 ms is 0.117",
+        meaning="its time constant",
+    ),
+    # ---- search
+    "search": Section(meaning="what the search varies and how"),
+    "search.variables": Bounds(meaning="bounds, as above"),
+    "search.objectives": Words(tuple(OBJECTIVES), default=DEFAULT_OBJECTIVES, meaning="what is minimised"),
+    "search.population": Whole(4, 100_000, meaning="individuals per generation; even for `nsga2`"),
+    "search.generations": Whole(
+        1,
+        100_000,
+        meaning="at most so many, the initial population included: `population` times `generations` evaluations",
+    ),
+    "search.mutation_probability": Number(
+        0.0,
+        1.0,
+        "",
+        default=0.10,
+        hint="a probability is a fraction: 10 % is 0.10",
+        meaning="of an offspring being mutated; `goldberg` only",
+    ),
+    "search.seed": Whole(0, 2**63 - 1, default=1, meaning="the same seed and study give the same evaluations"),
+    "search.algorithm": Choice(
+        ("goldberg", "nsga2"),
+        default="goldberg",
+        meaning="the reference paper's algorithm ([theory](../theory/search.md)), or NSGA-II of pymoo",
+    ),
+    "search.stop_rank_one_fraction": Number(
+        0.0,
+        1.0,
+        "",
+        default=0.90,
+        null=True,
+        hint="a fraction: 90 % is 0.90; write null to run all generations",
+        meaning="stop when so many of the population are rank one; null to run all generations",
+    ),
+}
 
-    def check(self, what: str, data: Any) -> str:
-        """Return the word."""
-        if not isinstance(data, str) or data not in self.choices:
-            guess = did_you_mean(str(data), self.choices)
-            raise StudyError(f"{what} is not known; {guess}choose one of: {', '.join(self.choices)}")
-        return data
+ALIASES: Mapping[str, str] = {"cockpit.lever": "cockpit.collective"}  # a path may start with either
+
+PILOT_VALUES: Mapping[str, tuple[str, ...]] = {  # the pilot's own values, known by the last part of their path
+    model: tuple(path[8:] for path, row in SCHEMA.items() if path.startswith("nominal.") and row.model == model)
+    for model in (MULTIBODY, MAYO)
+}  # fmt: skip
+OTHER_MASS: Mapping[str, str] = {"mass_kg": "bmi", "bmi": "mass_kg"}  # of these two exactly one
+
+SECTIONS_OF_A_RUN = ("study", "search")  # keys that say what to do, not what is evaluated
 
 
-@dataclass(frozen=True)
-class Name(Field):
-    """A name that may become part of a file name."""
-
-    def check(self, what: str, data: Any) -> str:
-        """Return the name."""
-        if not isinstance(data, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", data):
-            raise StudyError(
-                f"{what} is not a name; at most 64 letters, digits, '-', '_' and '.' are wanted, such as puma-bmi"
-            )
-        return data
-
-
-def check_keys(value: Value, known: Sequence[str], required: Sequence[str]) -> dict[str, Value]:
-    """Return the entries of a mapping; raise StudyError on an unknown or a missing key, or if it is no mapping."""
-    if not isinstance(value.data, dict):
-        example = f"a mapping with the keys {', '.join(required or known)} is wanted"
-        raise value.error("is empty; " + example if value.data is None else "is not a mapping; " + example)
-    for key in value.data:
-        if key not in known:
-            entry = value.child(key)
-            raise StudyError(
-                f"{entry.where}: {entry.key}: key {key!r} is not known here; "
-                f"{did_you_mean(key, known)}known keys: {', '.join(known)}"
-            )
-    for key in required:
-        if key not in value.data:
-            raise value.missing(key)
-    return {key: value.child(key) for key in value.data}
-
-
-def read_fields(value: Value, fields: Mapping[str, Any], partly: bool = False) -> dict[str, Any]:
-    """Return the checked values of a mapping's declared fields, defaults filled in.
-
-    With `partly` the mapping may hold other keys, which the caller has checked.
-    """
-    required = [name for name, declared in fields.items() if declared.default is REQUIRED]
-    check_keys(value, list(value.data) if partly and isinstance(value.data, dict) else list(fields), required)
+@cache
+def members(path: str) -> Mapping[str, str]:
+    """Return the keys of a section (the whole study: an empty path) and the path of each."""
+    start = f"{path}." if path else ""
     return {
-        name: declared.read(value.child(name)) if name in value.data else declared.default
-        for name, declared in fields.items()
+        rest: own for own in SCHEMA if own.startswith(start) and "." not in (rest := own.removeprefix(start)) and rest
     }
 
 
-def shown(data: Any) -> str:
-    """Return a value as a message shows it: as it would be typed, and not too long."""
-    if data is None:
-        text = "null"
-    elif isinstance(data, bool):
-        text = str(data).lower()
-    elif isinstance(data, float):
-        text = f"{data:.12g}"
-    elif isinstance(data, list):
-        text = f"[{', '.join(shown(entry) for entry in data[:8])}]"
-    else:
-        text = repr(data)
-    return text if len(text) <= 60 else text[:57] + "..."
+@cache
+def defaults(path: str) -> Mapping[str, Any]:
+    """Return the defaults of a section's keys."""
+    return {key: SCHEMA[own].default for key, own in members(path).items()}
 
 
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """Return `did you mean 'x'? ` if a known word is near, else an empty text."""
-    import difflib  # 10 ms that only a mistake pays
+def locate(name: str) -> tuple[str, int | None]:
+    """Return the path of a number or word by its path or short name, and which entry of a list is meant.
 
-    near = difflib.get_close_matches(word[:60], known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}? " if near else ""
+    >>> locate("stature_m"), locate("cockpit.lever.grip_m[1]")
+    (('nominal.stature_m', None), ('cockpit.collective.grip_m', 1))
+
+    Raises
+    ------
+    StudyError
+        There is no such path. The message is what follows the name.
+    """
+    path, index = name, None
+    if indexed := re.fullmatch(r"(.+)\[([0-9]{1,9})\]", name):
+        path, index = indexed[1], int(indexed[2])
+    for short, full in ALIASES.items():
+        if path.startswith(f"{short}."):
+            path = full + path.removeprefix(short)
+    if f"nominal.{path}" in SCHEMA:
+        path = f"nominal.{path}"
+    row = SCHEMA.get(path)
+    if isinstance(row, Bounds):
+        raise StudyError("is not one number or word; change it in the study file")
+    if row is None or (isinstance(row, Section) and not (row.null or row.words)):
+        if isinstance(row, Section):
+            raise StudyError(f"is a section; give one of: {', '.join(f'{path}.{key}' for key in members(path))}")
+        raise StudyError(
+            f"is not a number or word of a study; {did_you_mean(name, names())}every key of a study file can be given "
+            "by its path, such as inceptor.gearing_rad_per_m (docs/io_formats/study.md)"
+        )
+    if index is not None and not (isinstance(row, Vector) and index < row.size):
+        entries = f"has the entries [0] to [{row.size - 1}]" if isinstance(row, Vector) else "is not a list"
+        raise StudyError(entries)
+    return path, index
+
+
+def field_of(name: str) -> Field:
+    """Return the declared field of a path or short name; of an entry of a list its number. Raises as `locate`."""
+    path, index = locate(name)
+    row = SCHEMA[path]
+    return row.entry if isinstance(row, Vector) and index is not None else row
+
+
+def names(model: str = "", numeric: bool = False) -> tuple[str, ...]:
+    """Return the names that `--set` accepts: short names of the pilot's own values, paths of all others.
+
+    Parameters
+    ----------
+    model : str
+        Only those of this pilot model; empty for all.
+    numeric : bool
+        Only those that a search can vary; entries of lists one by one.
+    """
+    found: list[str] = []
+    for path, row in SCHEMA.items():
+        if (model and not applies(path, model)) or isinstance(row, Section | Bounds):
+            continue
+        if numeric and path.startswith("search."):
+            continue
+        if numeric and isinstance(row, Vector):
+            found += [f"{path}[{k}]" for k in range(row.size)]
+        elif row.numeric or not numeric:
+            found.append(path.removeprefix("nominal."))
+    return tuple(found)
+
+
+def applies(path: str, model: str) -> bool:
+    """Whether a pilot model has this key: neither it nor a section around it belongs to another model."""
+    parts = path.split(".")
+    around = (SCHEMA[".".join(parts[: k + 1])].model for k in range(len(parts)))
+    return all(own in ("", model) for own in around)
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a number of a study, empty for none and for other names."""
+    try:
+        return str(getattr(field_of(name), "unit", ""))
+    except StudyError:
+        return ""

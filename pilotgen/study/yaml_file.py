@@ -9,9 +9,12 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import errno
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -78,20 +81,27 @@ def read_yaml(path: str | Path) -> YamlDocument:
     """
     file = Path(path)
     try:
-        if not file.exists():
-            raise FileError(f"{path}: no such file; check the path (the working directory is {Path.cwd()})")
-        if not file.is_file():
-            kind = "a directory" if file.is_dir() else "not a regular file"
+        status = file.stat()
+        if not stat.S_ISREG(status.st_mode):
+            kind = "a directory" if stat.S_ISDIR(status.st_mode) else "not a regular file"
             raise FileError(f"{path} is {kind}; a YAML file is wanted")
-        size = file.stat().st_size
-        if size > MAX_BYTES:
+        if status.st_size > MAX_BYTES:
             raise FileError(
-                f"{path} has {size} bytes; a file of at most {MAX_BYTES} bytes is wanted, is this the right file?"
+                f"{path} has {status.st_size} bytes; a file of at most {MAX_BYTES} bytes is wanted, "
+                "is this the right file?"
             )
         raw = file.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        raise FileError(f"{path!s}: cannot be read: {reason}") from error
+    except ValueError:
+        raise FileError(f"{path!r}: no file has a NUL character in its name") from None
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise FileError(f"{path}: a symbolic link that leads back to itself; give the file itself") from None
+        if error.errno in (errno.ENOENT, errno.ENOTDIR):
+            lost = f", a link to {file.readlink()}, which is not there" if file.is_symlink() else ""
+            raise FileError(
+                f"{path}: no such file{lost}; check the path (the working directory is {Path.cwd()})"
+            ) from None
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from error
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -112,16 +122,85 @@ def yaml_from_text(text: str, name: str) -> YamlDocument:
         value = _document(events, name, lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark else 1
-        problem = " ".join(part for part in (error.context, error.problem) if part)
-        raise StudyError(f"{name}:{line}: not valid YAML: {problem}; check indentation, colons and brackets") from error
+        line, problem = _diagnosis(text, mark.line + 1 if mark else 1)
+        raise StudyError(f"{name}:{line}: {problem}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position if isinstance(error.position, int) else 0) + 1
         character = f"character {error.character:#06x}" if isinstance(error.character, int) else "a character"
         raise StudyError(f"{name}:{line}: {character} is not allowed in YAML text; remove it") from error
     except (yaml.YAMLError, UnicodeError) as error:
-        raise StudyError(f"{name}:1: not valid YAML text: {error}") from error
+        raise StudyError(f"{name}:1: not valid YAML: characters that no text has; save it as UTF-8") from error
     return YamlDocument(value, name, text, lines)
+
+
+@cache
+def bundled(name: str) -> YamlDocument:
+    """Return a file of `pilotgen/data/` by its name without `.yaml`, read once. Not to be changed by the caller."""
+    return read_yaml(Path(__file__).parents[1] / "data" / f"{name}.yaml")
+
+
+_TOKEN = re.compile(
+    r"""(?<![^\s\[{,:])(?P<quote>"(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|["'])"""  # a quote opens where a value may begin
+    r"""|(?:^|(?<=\s))(?P<comment>\#[^\n]*)"""
+    r"""|(?P<bracket>[\[\]{}])""",
+    re.MULTILINE | re.DOTALL,
+)
+_TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep; a plain list or mapping is wanted"
+
+
+def _diagnosis(text: str, line: int) -> tuple[int, str]:
+    """Return the line and what is wrong with text that the parser refused at `line`, in words of our own.
+
+    Parsers word their errors differently from version to version, and for people who know YAML.
+    """
+    lines = text.split("\n")
+    here = lines[min(line, len(lines)) - 1]
+    if re.match(r" *\t", here):
+        return line, "a tab stands in the indentation; YAML is indented with spaces"
+    opened, unclosed_quote, depth_line = _brackets(text)
+    if depth_line:
+        return depth_line, _TOO_DEEP
+    if unclosed_quote:
+        return unclosed_quote, "not valid YAML: a quote opens here and is not closed; close it"
+    if opened:
+        bracket, at = opened[-1]
+        if bracket in "[{":
+            closing = {"[": "]", "{": "}"}[bracket]
+            return (
+                line,
+                f"not valid YAML: the {bracket!r} of line {at} is not closed; add {closing!r}, or a comma before",
+            )
+        return line, f"not valid YAML: the {bracket!r} of line {at} closes nothing; remove it, or add what it closes"
+    if len(re.findall(r":(?=\s|$)", here)) > 1 and not re.search(r"[\[{]", here):
+        return line, "not valid YAML: two keys on one line; give each its own line, and put text with ': ' in quotes"
+    return line, "not valid YAML; check indentation, colons, quotes and brackets"
+
+
+def _brackets(text: str) -> tuple[list[tuple[str, int]], int, int]:
+    """Count brackets outside quotes and comments, about as YAML does.
+
+    Returns
+    -------
+    tuple
+        Brackets left open or closing nothing, each with its line; the line of a quote left open (0: none); the line
+        where nesting grows deeper than `MAX_DEPTH` (0: nowhere).
+    """
+    stack: list[tuple[str, int]] = []
+    for found in _TOKEN.finditer(text):
+        at = text.count("\n", 0, found.start()) + 1
+        if found["quote"]:
+            if len(found["quote"]) == 1:
+                return stack, at, 0
+        elif bracket := found["bracket"]:
+            if bracket in "[{":
+                stack.append((bracket, at))
+                if len(stack) > MAX_DEPTH:
+                    return stack, 0, at
+            elif stack and stack[-1][0] + bracket in ("[]", "{}"):
+                stack.pop()
+            else:
+                return stack or [(bracket, at)], 0, 0
+    return stack, 0, 0
 
 
 def _events(text: str) -> Iterator[yaml.Event]:
@@ -158,7 +237,7 @@ def _value(event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath, name:
     if tag not in (None, "!"):
         raise StudyError(f"{where}: YAML tags ({tag}) are not used here; write the plain value")
     if len(path) > MAX_DEPTH:
-        raise StudyError(f"{where}: nested more than {MAX_DEPTH} levels deep; a plain list or mapping is wanted")
+        raise StudyError(f"{where}: {_TOO_DEEP}")
     if isinstance(event, yaml.MappingStartEvent):
         return _mapping(events, path, name, lines)
     if isinstance(event, yaml.SequenceStartEvent):

@@ -14,7 +14,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from pilotgen.linear.imposed_motion import ImposedMotion
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.solver.descriptor import Complexes
 from pilotgen.study.study import Reflex, Study
-from pilotgen.study.yaml_file import yaml_from_text
+from pilotgen.study.yaml_file import bundled
 from pilotgen.summary import GRIP_FREQUENCY_HZ
 
 FITTED, PREDICTED = "mesomorphic", "ectomorphic"
@@ -124,8 +123,7 @@ class Calibration:
 @lru_cache(maxsize=1)
 def references() -> References:
     """The bundled reference pilots."""
-    text = (resources.files("pilotgen") / "data" / "reference_pilots.yaml").read_text(encoding="utf-8")
-    data: dict[str, Any] = yaml_from_text(text, "reference_pilots.yaml").value
+    data: dict[str, Any] = bundled("reference_pilots").value
     pilots = {}
     for name, entry in data["pilots"].items():
         values = {key: float(entry[key]) for key in SENSITIVITY_STEPS}
@@ -208,7 +206,7 @@ class Subject:
 
     def model(self, gains: Reflex) -> PilotModel:
         """The pilot's feedthrough with these gains, without washout."""
-        pilot, study = self.pilot, self._bench.study
+        pilot, study = self.pilot, self.pilot.study
         text = render_direct(
             pilot.body,
             pilot.cockpit,

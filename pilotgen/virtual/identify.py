@@ -95,7 +95,7 @@ class Identification:
     """
 
     study: str
-    values: dict[str, float]
+    values: dict[str, Any]
     model: PilotModel
     frequencies_hz: tuple[float, ...]
     runs: tuple[Run, ...]
@@ -149,7 +149,7 @@ def _response(frequency_hz: Floats, response: Complexes) -> dict[str, Any]:
 
 def identify(
     context: EvaluationContext,
-    values: Mapping[str, float],
+    values: Mapping[str, Any],
     methods: Sequence[str] = METHODS,
     amplitudes_m_s2: Sequence[float] = (SMALL_AMPLITUDE_M_S2,),
     frequencies_hz: Sequence[float] = DEFAULT_FREQUENCIES_HZ,
@@ -190,10 +190,10 @@ def identify(
     EvaluationError
         This pilot cannot be evaluated.
     """
-    study = context.study
-    gains = reflex_gains(study.pilot.task, study.pilot.reflex)
     started = time.perf_counter()
     pilot = solve_pilot(context, values, keep)
+    study = pilot.study
+    gains = reflex_gains(study.pilot.task, study.pilot.reflex)
     middle = time.perf_counter()
     matrices = linearise_direct(context, pilot.deck, context.scratch)
     model = make_pilot_model(matrices, lever_length_m=study.inceptor.lever_length_m)
@@ -245,7 +245,7 @@ def identify(
             )
     return Identification(
         study.name,
-        {name: float(value) for name, value in values.items()},
+        dict(values),
         model,
         tuple(float(f) for f in frequencies_hz),
         tuple(runs),

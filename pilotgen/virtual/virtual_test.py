@@ -200,7 +200,7 @@ class VirtualTest:
             activations=pilot.activations,
             muscle_lengths=self._lengths,
             gains=self._gains,
-            c=self._bench.study.pilot.matrix_coefficient_s,
+            c=pilot.study.pilot.matrix_coefficient_s,
             activation_check=activation_check,
             seat_drive=drive,
             final_time_s=final_time_s,

@@ -32,17 +32,17 @@ def test_bmi_gives_mass() -> None:
     [
         ({}, "man", ("'man'", "male", "female")),
         ({"bmi": 25.0}, "male", ("both mass_kg and bmi", "exactly one")),
-        ({"mass_kg": None}, "male", ("mass_kg is None", "number in kg")),
-        ({"mass_kg": "80 kg"}, "male", ("'80 kg'", "number in kg")),
-        ({"age_years": True}, "male", ("age_years is True", "number")),
-        ({"stature_m": 1750.0}, "male", ("heights are in metres", "did you mean 1.75")),
-        ({"stature_m": 175.0}, "male", ("heights are in metres, not centimetres", "did you mean 1.75")),
-        ({"stature_m": 2.21}, "male", ("2.21 m", "1.3 to 2.2 m")),
-        ({"age_years": 17.9}, "male", ("17.9 years", "18 to 90")),
-        ({"age_years": math.nan}, "male", ("nan", "18 to 90")),
-        ({"mass_kg": 34.0}, "male", ("34 kg", "35 to 200")),
+        ({"mass_kg": None}, "male", ("mass_kg = null", "35 to 200 kg is wanted")),
+        ({"mass_kg": "80 kg"}, "male", ("'80 kg'", "35 to 200 kg is wanted")),
+        ({"age_years": True}, "male", ("age_years = true", "number")),
+        ({"stature_m": 1750.0}, "male", ("heights are in metres", "1750 mm is 1.75")),
+        ({"stature_m": 175.0}, "male", ("heights are in metres", "175 cm is 1.75")),
+        ({"stature_m": 2.21}, "male", ("2.21", "1.3 to 2.2 m")),
+        ({"age_years": 17.9}, "male", ("17.9", "18 to 80 years")),
+        ({"age_years": math.nan}, "male", ("nan", "18 to 80")),
+        ({"mass_kg": 34.0}, "male", ("34", "35 to 200 kg")),
         ({"mass_kg": math.inf}, "male", ("inf", "35 to 200")),
-        ({"mass_kg": 40.0}, "male", ("bmi (from mass_kg and stature_m) is 13.06", "14 to 50")),
+        ({"mass_kg": 40.0}, "male", ("bmi = 13.06", "(from mass_kg and stature_m)", "14 to 50")),
         ({"weight_kg": 80.0}, "male", ("unknown biometric 'weight_kg'", "mass_kg")),
     ],
 )
@@ -56,7 +56,7 @@ def test_bad_values_are_explained(change: dict[str, float], sex: str, words: tup
 def test_height_that_is_no_height_gets_no_hint() -> None:
     with pytest.raises(StudyError) as caught:
         biometrics_from({**GOOD, "stature_m": 500.0}, "male")
-    assert "did you mean" not in str(caught.value)
+    assert "500" not in str(caught.value).partition(";")[2] and "500" in str(caught.value)
 
 
 def test_missing_values_are_named() -> None:
@@ -67,10 +67,10 @@ def test_missing_values_are_named() -> None:
 
 
 def test_mass_from_bmi_is_checked_too() -> None:
-    with pytest.raises(StudyError, match=r"mass_kg \(from bmi and stature_m\) is 29.4 kg"):
+    with pytest.raises(StudyError, match=r"mass_kg = 29.4 \(from bmi and stature_m\) is outside"):
         biometrics_from({"age_years": 35.0, "stature_m": 1.4, "bmi": 15.0}, "female")
 
 
 def test_range_ends_are_allowed() -> None:
     assert biometrics_from({"age_years": 18, "stature_m": 1.4, "bmi": 50}, "female").bmi == pytest.approx(50.0)
-    assert biometrics_from({"age_years": 90, "stature_m": 2.0, "mass_kg": 200}, "male").mass_kg == 200.0
+    assert biometrics_from({"age_years": 80, "stature_m": 2.0, "mass_kg": 200}, "male").mass_kg == 200.0

@@ -16,8 +16,9 @@ import pytest
 from study_texts import MAYO, MULTIBODY, changed
 
 from pilotgen.errors import StudyError
-from pilotgen.study import study as study_module
-from pilotgen.study.schema import Choice, Number, Whole
+from pilotgen.study.cockpit_numbers import cockpit_numbers
+from pilotgen.study.fields import Choice, Number, Section, Vector, Whole, Words
+from pilotgen.study.schema import SCHEMA
 from pilotgen.study.study import Inceptor, Study, apply_settings, read_study, study_from_text
 
 ROOT = Path(__file__).parents[2]
@@ -31,7 +32,7 @@ def test_multibody_study() -> None:
     assert study.inceptor == Inceptor(0.32, 1.1, 0.5)
     assert study.pilot.limbs == ("left",)
     assert (study.pilot.projection, study.pilot.seat, study.pilot.task) == ("exact", "design_eye", "position")
-    assert study.pilot.reflex is None and study.cockpit is None
+    assert study.pilot.reflex is None and study.cockpit == cockpit_numbers()
     assert study.nominal == {"age_years": 40.0, "bmi": 24.0, "stature_m": 1.775}
     assert list(study.search.variables.items()) == [
         ("age_years", (25.0, 65.0)),
@@ -61,12 +62,12 @@ def test_optional_keys() -> None:
     text = changed(
         "  limbs: [left]", "  limbs: [left, right]\n  reflex: {proportional_gain: 1.51, derivative_gain: 0.099}"
     )
-    text = changed("nominal:", "cockpit: {hinge_height_m: 0.2}\nnominal:", text)
+    text = changed("nominal:", "cockpit: {seat: {slump_m: 0.03}}\nnominal:", text)
     text = changed("  seed: 1", "  algorithm: nsga2\n  stop_rank_one_fraction: null", text)
     study = study_from_text(text)
     assert study.pilot.limbs == ("left", "right")
     assert study.pilot.reflex is not None and study.pilot.reflex.derivative_gain == 0.099
-    assert study.cockpit == {"hinge_height_m": 0.2}
+    assert study.cockpit == cockpit_numbers({"seat": {"slump_m": 0.03}})
     assert study.search.stop_rank_one_fraction is None and study.search.algorithm == "nsga2" and study.search.seed == 1
 
 
@@ -97,14 +98,18 @@ def test_bundled_bounds_are_those_of_the_paper() -> None:
 
 def test_apply_settings() -> None:
     study = study_from_text(MULTIBODY)
-    assert apply_settings(study, {}) == study.nominal
-    assert apply_settings(study, {"stature_m": "2.1", "age_years": " 7e1 "}) == {
-        "age_years": 70.0,
-        "bmi": 24.0,
-        "stature_m": 2.1,
-    }
-    assert apply_settings(study, {"mass_kg": "80"}) == {"age_years": 40.0, "stature_m": 1.775, "mass_kg": 80.0}
+    assert apply_settings(study, {}) == (study, study.nominal)
+    same, values = apply_settings(study, {"stature_m": "2.1", "age_years": " 7e1 "})
+    assert same is study and values == {"age_years": 70.0, "bmi": 24.0, "stature_m": 2.1}
+    assert apply_settings(study, {"mass_kg": "80"})[1] == {"age_years": 40.0, "stature_m": 1.775, "mass_kg": 80.0}
     assert study.nominal["bmi"] == 24.0, "the study itself does not change"
+    changed_study, values = apply_settings(
+        study, {"pilot.task": "relax", "nominal.stature_m": "1.8", "cockpit.lever.grip_m": "[0.3, 0.25, -0.25]"}
+    )
+    assert changed_study.pilot.task == "relax" and changed_study.cockpit["collective"]["grip_m"] == [0.3, 0.25, -0.25]
+    assert values == {
+        **study.nominal, "stature_m": 1.8, "pilot.task": "relax", "cockpit.lever.grip_m": [0.3, 0.25, -0.25]
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -112,8 +117,8 @@ def test_apply_settings() -> None:
     [
         (
             {"stature": "1.8"},
-            "--set stature=1.8: 'stature' is not a variable of this pilot model; did you mean 'stature_m'? "
-            "choose one of: age_years, mass_kg, bmi, stature_m",
+            "--set stature=1.8: 'stature' is not a number or word of a study; did you mean 'stature_m'? every key of a "
+            "study file can be given by its path, such as inceptor.gearing_rad_per_m (docs/io_formats/study.md)",
         ),
         (
             {"stature_m": "1775"},
@@ -126,7 +131,7 @@ def test_apply_settings() -> None:
         ),
         (
             {"mass_kg": "80", "bmi": "24"},
-            "--set mass_kg and --set bmi exclude each other: the stature gives one from the other; keep one",
+            "--set mass_kg=80 and bmi exclude each other: the stature gives one from the other; keep one",
         ),
     ],
 )
@@ -155,7 +160,7 @@ def test_canonical_holds_what_determines_an_evaluation_and_nothing_else() -> Non
         ("limbs: [left]", "limbs: [left, right]"),
         ("task: position", "task: force"),
         ("washout_rad_s: 3.10", "washout_rad_s: null"),
-        ("nominal:", "cockpit: {a: 1}\nnominal:"),
+        ("nominal:", "cockpit: {seat: {slump_m: 0.03}}\nnominal:"),
         ("sex: male", "sex: male\n  reflex: {proportional_gain: 1, derivative_gain: 0}"),
     ]:
         assert study_from_text(changed(old, new)).canonical() != same, new
@@ -167,29 +172,31 @@ def test_a_study_can_be_sent_to_a_worker() -> None:
     assert copy == study and copy.canonical() == study.canonical() and copy.where("pilot") == "s.yaml:4"
 
 
-def test_format_page_tells_every_key_with_its_range_and_default() -> None:
+def test_format_page_tells_every_key_with_its_unit_range_and_default() -> None:
     page = (ROOT / "docs" / "io_formats" / "study.md").read_text(encoding="utf-8")
-    tables = [
-        study_module.INCEPTOR_FIELDS,
-        study_module.COMMON_PILOT_FIELDS,
-        study_module.MULTIBODY_PILOT_FIELDS,
-        study_module.REFLEX_FIELDS,
-        study_module.SEARCH_FIELDS,
-        study_module.VARIABLES,
-    ]
-    for table in tables:
-        for key, declared in table.items():
-            rows = [line for line in page.splitlines() if line.startswith(f"| `{key}` |")]
-            assert len(rows) == 1, key
-            if isinstance(declared, Number):
-                assert f"{declared.low:g} to {declared.high:g}" in rows[0], key
-            if isinstance(declared, Whole):
-                high = "2^63 - 1" if declared.high == 2**63 - 1 else str(declared.high)
-                assert f"{declared.low} to {high}" in rows[0], key
-            if isinstance(declared, Choice):
-                assert all(f"`{word}`" in rows[0] for word in declared.choices), key
-    for name in study_module.OBJECTIVES:
-        assert f"`{name}`" in page
+    rows = dict(re.findall(r"^\| `([A-Za-z_.]+)` \|(.*)\|$", page, flags=re.MULTILINE))
+    bundled = cockpit_numbers()
+    for path, declared in SCHEMA.items():
+        key = path if path in rows else path.rpartition(".")[2] if not path.startswith("cockpit.") else path[8:]
+        if isinstance(declared, Section) and key not in rows:
+            continue
+        assert key in rows, path
+        cells = [cell.strip() for cell in rows[key].split("|")]
+        told = " | ".join(cells)
+        if isinstance(declared, Number | Whole | Vector):
+            high = "2^63 - 1" if declared.high == 2**63 - 1 else f"{declared.high:g}"
+            assert f"{declared.low:g} to {high}" in told, path
+            assert (declared.unit or "-") in told, path
+        if isinstance(declared, Choice | Words) and path != "search.objectives":
+            assert all(f"`{word}`" in told for word in declared.choices), path
+        if isinstance(declared, Number) and isinstance(declared.default, float):
+            assert declared.default in [float(cell) for cell in cells if re.fullmatch(r"[0-9.]+", cell)], path
+        if path.startswith("cockpit.") and not isinstance(declared, Section):
+            _, section, name = path.split(".")
+            value = bundled[section][name]
+            assert (str(value) if isinstance(value, list) else f"{value:g}") in cells, path
+        if not isinstance(declared, Section):
+            assert declared.meaning in told, path
     examples = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
     assert examples
     for example in examples:
