@@ -19,6 +19,7 @@ from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.matrices import read_matrices
+from pilotgen.study.cockpit_numbers import cockpit_numbers
 from pilotgen.study.study import Reflex
 
 LEVER_LENGTH_M = 0.32
@@ -43,7 +44,7 @@ def body_of(values: dict[str, float] | None = None, sex: str = "male", limbs: tu
 
 def cockpit_of(body: Body, overrides: dict | None = None) -> Cockpit:
     """The bundled cockpit, or one that differs from it."""
-    return make_cockpit(body, lever_length_m=LEVER_LENGTH_M, position=0.5, overrides=overrides)
+    return make_cockpit(body, lever_length_m=LEVER_LENGTH_M, position=0.5, numbers=cockpit_numbers(overrides))
 
 
 def solve(

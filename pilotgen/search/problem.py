@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotgen.study.fields import Whole
-from pilotgen.study.schema import field_of
+from pilotgen.study.schema import is_whole
 from pilotgen.study.study import SearchSettings
 
 
@@ -40,7 +39,7 @@ class Problem:
     def from_settings(cls, settings: SearchSettings) -> Problem:
         """Return the problem of a study's `search` section."""
         bounds = np.array(list(settings.variables.values()), dtype=float)
-        whole = frozenset(name for name in settings.variables if isinstance(field_of(name), Whole))
+        whole = frozenset(name for name in settings.variables if is_whole(name))
         return cls(tuple(settings.variables), bounds[:, 0].copy(), bounds[:, 1].copy(), settings.objectives, whole)
 
     @property

@@ -451,6 +451,14 @@ def applies(path: str, model: str) -> bool:
     return all(own in ("", model) for own in around)
 
 
+def is_whole(name: str) -> bool:
+    """Whether a name is that of a number of a study that is counted, not measured."""
+    try:
+        return isinstance(field_of(name), Whole)
+    except StudyError:
+        return False
+
+
 def unit_of(name: str) -> str:
     """Return the unit of a number of a study, empty for none and for other names."""
     try:

@@ -25,6 +25,7 @@ from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, PostureGuess, first_guess, from_poses
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.matrices import Matrices, read_matrices
+from pilotgen.study.cockpit_numbers import cockpit_numbers
 
 KP, KD = 1.5, 0.1
 
@@ -64,7 +65,7 @@ def solve(
     body = make_body(biometrics, limbs)
     if strength != 1.0:
         body = replace(body, limbs={side: weakened(limb, strength) for side, limb in body.limbs.items()})
-    cockpit = make_cockpit(body, lever_length_m=0.32, position=0.5, overrides=overrides)
+    cockpit = make_cockpit(body, lever_length_m=0.32, position=0.5, numbers=cockpit_numbers(overrides))
     guess = first_guess(body, cockpit)
     reply = solver.request("static", deck_text=render_posture(body, cockpit, guess), name="posture.mbd")
     posture = from_poses(body, cockpit, reply.nodes)

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import pilotgen.anthropometry.body
+import pilotgen.study.yaml_file
 from pilotgen.anthropometry.biometrics import Biometrics, biometrics_from
 from pilotgen.anthropometry.body import SEGMENTS, Body, Limb, make_body
 from pilotgen.errors import StudyError
@@ -309,5 +309,5 @@ def test_data_files_are_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     def read_again(path: object) -> None:
         raise AssertionError(f"{path} read again")
 
-    monkeypatch.setattr(pilotgen.anthropometry.body, "read_yaml", read_again)
+    monkeypatch.setattr(pilotgen.study.yaml_file, "read_yaml", read_again)
     make_body(MEAN_WOMAN, ("left", "right"))

@@ -32,6 +32,7 @@ from pilotgen.posture.kinematics import (
     rotation_vector_rate,
 )
 from pilotgen.posture.posture import ergonomics, first_guess, from_poses
+from pilotgen.study.cockpit_numbers import cockpit_numbers
 
 BODY = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), ("left", "right"))
 COCKPIT = make_cockpit(BODY, lever_length_m=0.32, position=0.5)
@@ -198,7 +199,7 @@ def test_the_guess_of_a_left_arm_at_a_mirrored_cockpit_is_that_of_a_right_arm() 
 
 def test_out_of_reach_is_told_in_metres() -> None:
     away = {"collective": {"grip_m": [0.9, 0.24, -0.25]}}
-    far = make_cockpit(BODY, lever_length_m=0.32, position=0.5, overrides=away)
+    far = make_cockpit(BODY, lever_length_m=0.32, position=0.5, numbers=cockpit_numbers(away))
     with pytest.raises(EvaluationError, match=r"collective grip is 0\.\d+ m .* beyond the reach") as caught:
         first_guess(BODY, far)
     assert caught.value.stage == "posture"
@@ -206,7 +207,7 @@ def test_out_of_reach_is_told_in_metres() -> None:
 
 def test_too_near_is_told_in_metres() -> None:
     near = {"collective": {"grip_m": [0.1, 0.6, -0.25]}}
-    cockpit = make_cockpit(BODY, lever_length_m=0.32, position=0.5, overrides=near)
+    cockpit = make_cockpit(BODY, lever_length_m=0.32, position=0.5, numbers=cockpit_numbers(near))
     with pytest.raises(EvaluationError, match=r"nearer than the 0\.\d+ m of an arm with 150 deg of elbow flexion"):
         first_guess(BODY, cockpit)
 

@@ -141,7 +141,7 @@ def test_worst_ten_are_in_order_with_commands_that_mean_the_same_pilot(made):
         words = shlex.split(command[1])
         assert words[:3] == ["pilotgen", "pilot", "study.yaml"]
         settings = dict(word.split("=") for word in words[words.index("--set") + 1 :])
-        pilot = apply_settings(study, settings)
+        _, pilot = apply_settings(study, settings)
         match = (results.columns["inputs"] == [pilot[name] for name in results.names]).all(axis=1)
         row = int(np.flatnonzero(match)[0])
         assert value[1] == f"{results.columns['inputs'][row, 0]:.4g}"

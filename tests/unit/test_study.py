@@ -174,7 +174,7 @@ def test_a_study_can_be_sent_to_a_worker() -> None:
 
 def test_format_page_tells_every_key_with_its_unit_range_and_default() -> None:
     page = (ROOT / "docs" / "io_formats" / "study.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| `([A-Za-z_.]+)` \|(.*)\|$", page, flags=re.MULTILINE))
+    rows = dict(re.findall(r"^\| `([A-Za-z0-9_.]+)` \|(.*)\|$", page, flags=re.MULTILINE))
     bundled = cockpit_numbers()
     for path, declared in SCHEMA.items():
         key = path if path in rows else path.rpartition(".")[2] if not path.startswith("cockpit.") else path[8:]

@@ -1,0 +1,202 @@
+"""Any number of a study by its path: what changes, what does not, and what is refused.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+from study_texts import MAYO, MULTIBODY, changed, message_of
+
+from pilotgen.anthropometry.biometrics import Biometrics
+from pilotgen.anthropometry.body import make_body
+from pilotgen.errors import StudyError
+from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.search.problem import Problem
+from pilotgen.study.fields import Vector
+from pilotgen.study.schema import SCHEMA, applies, field_of, locate, names, unit_of
+from pilotgen.study.study import Study, calibrated_gains, study_from_text
+
+STUDY = study_from_text(MULTIBODY, "s.yaml")
+MAYO_STUDY = study_from_text(MAYO, "m.yaml")
+
+
+def nearby(study: Study, name: str) -> float:
+    """Another value within the limits: a tenth of the way from where it is to the farther limit."""
+    declared: Any = field_of(name)
+    value = study.value(name)
+    limit = declared.high if declared.high - value > value - declared.low else declared.low
+    return float(round(value + 0.1 * (limit - value)) if name == "rotorcraft.blades" else value + 0.1 * (limit - value))
+
+
+@pytest.mark.parametrize(
+    ("study", "name"),
+    [(s, name) for s in (STUDY, MAYO_STUDY) for name in names(s.pilot.model, numeric=True) if name != "mass_kg"],
+    ids=lambda value: value if isinstance(value, str) else value.pilot.model,
+)  # fmt: skip
+def test_every_number_can_be_changed_and_nothing_else_changes(study: Study, name: str) -> None:
+    new = nearby(study, name) if name != "rotorcraft.flap_static_moment_kg_m" else 300.0
+    other, values = study.with_values({name: new})
+    if name in study.nominal:
+        assert other is study and values == {**study.nominal, name: new}
+        return
+    assert values == study.nominal and other.value(name) == new
+    assert other.canonical() != study.canonical() or (locate(name)[0].startswith("cockpit") and study is MAYO_STUDY)
+    for kept in names(study.pilot.model):
+        path, _ = locate(kept)
+        if path.partition("[")[0] != locate(name)[0] and path not in ("rotorcraft.source", "nominal.mass_kg"):
+            assert other.value(kept) == study.value(kept), kept
+    again, _ = other.with_values({name: new})
+    assert again == other
+
+
+def test_names_are_short_for_the_pilots_own_values_and_paths_for_the_rest() -> None:
+    assert locate("stature_m") == locate("nominal.stature_m") == ("nominal.stature_m", None)
+    assert locate("cockpit.lever.grip_m[1]") == ("cockpit.collective.grip_m", 1)
+    assert unit_of("cockpit.lever.inertia_kg_m2") == "kg m^2" and unit_of("no such") == ""
+    assert "rotorcraft.mass_kg" in names("mayo", numeric=True) and "mass_kg" not in names("mayo")
+    assert "pilot.task" not in names("multibody", numeric=True) and "search.population" not in names(numeric=True)
+    for path, row in SCHEMA.items():
+        assert not isinstance(row, Vector) or row.entry.low == row.low
+        assert applies(path, row.model or "multibody") or row.model == "mayo"
+
+
+def test_a_gain_counts_on_top_of_the_calibrated_ones() -> None:
+    calibrated = calibrated_gains()
+    assert STUDY.value("pilot.reflex.derivative_gain") == calibrated["position"].derivative_gain
+    study, _ = STUDY.with_values({"pilot.reflex.proportional_gain": 1.5, "pilot.task": "relax"})
+    assert study.pilot.reflex == dataclasses.replace(calibrated["relax"], proportional_gain=1.5)
+    assert study.with_values({"pilot.reflex": None})[0].pilot.reflex is None
+    text = changed("  task: position", "  task: relax\n  reflex: {proportional_gain: 1.5}")
+    assert study_from_text(text).pilot.reflex == study.pilot.reflex
+
+
+def test_a_bundled_rotorcraft_with_another_number_says_so() -> None:
+    study, _ = STUDY.with_values({"rotorcraft.mass_kg": 6000, "rotorcraft.blades": 5.0})
+    assert study.rotorcraft.source == STUDY.rotorcraft.source + "; changed: mass_kg, blades"
+    assert study.inceptor is STUDY.inceptor and study.rotorcraft.lock_number == STUDY.rotorcraft.lock_number
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"gearing": 1.0}, "gearing = 1: 'gearing' is not a number or word of a study; did you mean 'inceptor."),
+        ({"pilot.tsk": "relax"}, "pilot.tsk = 'relax': 'pilot.tsk' is not a number or word of a study; did you mean "),
+        ({"pilot.task": "relaxed"}, "pilot.task = 'relaxed' is not known; did you mean 'relax'? choose one of: "),
+        ({"pilot.reflex": 3}, "pilot.reflex = 3 is not null; "),
+        ({"cockpit.seat": 3}, "cockpit.seat = 3: 'cockpit.seat' is a section; give one of: cockpit.seat.back_"),
+        ({"cockpit.lever.grip_m[3]": 1}, "cockpit.lever.grip_m[3] = 1: 'cockpit.lever.grip_m[3]' has the entries [0"),
+        ({"stature_m[0]": 1}, "stature_m[0] = 1: 'stature_m[0]' is not a list"),
+        ({"search.variables": 1}, "search.variables = 1: 'search.variables' is not one number or word"),
+        ({"pilot_damping": 0.3}, "pilot_damping = 0.3 means nothing for pilot.model = 'multibody'"),
+        ({"mass_kg": 80.0, "bmi": 24.0}, "mass_kg = 80 and bmi exclude each other"),
+        (
+            {"cockpit.lever.mass_kg": 1, "cockpit.collective.mass_kg": 2},
+            "cockpit.collective.mass_kg = 2 is the same as cockpit.lever.mass_kg; keep one of them",
+        ),
+        (
+            {"cockpit.lever.lowest_angle_deg": 50.0},
+            "cockpit.lever.lowest_angle_deg = 50 must be below highest_angle_deg = 40 deg; swap them",
+        ),
+        ({"rotorcraft.flap_static_moment_kg_m": 2000.0}, "rotorcraft.flap_static_moment_kg_m = 2000 is too large for "),
+        ({"rotorcraft.mass_kg": 100.0}, "rotorcraft.flap_static_moment_kg_m = 276.48 is too large for mass_kg = 100"),
+        ({"pilot.model": "mayo"}, "pilot.model = 'mayo': another pilot model needs another nominal pilot"),
+        ({"nominal": "ectomorphic"}, "nominal = 'ectomorphic' is no pilot of pilot.model = 'multibody'"),
+        ({"inceptor.position": "1,5"}, "inceptor.position = '1,5' is not a number; a number from 0 to 1 is wanted; "),
+    ],
+)  # fmt: skip
+def test_wrong_changes_are_told_by_the_name_they_were_given(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        STUDY.with_values(changes)
+    assert str(caught.value).startswith(message)
+
+
+VARIABLES = "{age_years: [25, 65], bmi: [18, 30], stature_m: [1.55, 2.00]}"
+
+
+def test_a_search_varies_any_number() -> None:
+    box = "{stature_m: [1.55, 2], inceptor.gearing_rad_per_m: [0.8, 1.4], rotorcraft.blades: [3, 5]}"
+    study = study_from_text(changed(VARIABLES, box))
+    assert study.search.variables["inceptor.gearing_rad_per_m"] == (0.8, 1.4)
+    problem = Problem.from_settings(study.search)
+    values = problem.values(0.5 * (problem.xl + problem.xu) + 0.1)
+    assert values["rotorcraft.blades"] == 4.0 and values["inceptor.gearing_rad_per_m"] == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("box", "message"),
+    [
+        ("{pilot.task: [1, 2]}", "s.yaml:12: search.variables.pilot.task = [1, 2] is nothing that a search can vary"),
+        ("{search.seed: [1, 2]}", "s.yaml:12: search.variables.search.seed = [1, 2] is nothing that a search can vary"),
+        ("{gearing: [1, 2]}", "s.yaml:12: search.variables.gearing: 'gearing' is not a number or word of a study; "),
+        ("{rotorcraft.mass_kg: [1, 2]}", "s.yaml:12: search.variables.rotorcraft.mass_kg[0] = 1 is outside 100 to "),
+        ("{stature_m: [1,55, 2,00]}", "s.yaml:12: search.variables.stature_m = [1, 55, 2, 0] must be a list of two "
+         "bounds, [lower, upper]; is the comma meant as a decimal point?"),
+        ("{cockpit.lever.mass_kg: [1, 2], cockpit.collective.mass_kg: [1, 2]}",
+         "s.yaml:12: search.variables.cockpit.collective.mass_kg = [1, 2] is the same number as cockpit.lever.mass_kg"),
+        ("{pilot.washout_rad_s: [null, 2]}", "s.yaml:12: search.variables.pilot.washout_rad_s[0] = null is no bound"),
+    ],
+)  # fmt: skip
+def test_boxes_that_no_search_can_use(box: str, message: str) -> None:
+    assert message_of(changed(VARIABLES, box)).startswith(message)
+
+
+CHANGES: dict[str, Any] = {
+    "stature_m": 1.7,
+    "rotorcraft.mass_kg": 6500.0,
+    "inceptor.gearing_rad_per_m": 1.3,
+    "pilot.strength_factor": 0.9,
+    "pilot.task": "relax",
+    "pilot.washout_rad_s": 2.0,
+    "cockpit.lever.inertia_kg_m2": 0.1,
+    "cockpit.lever.grip_m[1]": 0.26,
+    "cockpit.seat.slump_m": 0.03,
+}
+
+
+def test_a_pilot_with_paths_is_the_pilot_of_a_study_with_those_numbers() -> None:
+    with EvaluationContext(STUDY) as context:
+        before = evaluate(context, STUDY.nominal)
+        outcome = evaluate(context, STUDY.values(CHANGES))
+        assert evaluate(context, STUDY.nominal).result == before.result, "nothing of it stays behind"
+    text = MULTIBODY.replace("rotorcraft: iar330-puma", "rotorcraft: {mass_kg: 6500, blades: 4, rotor_radius_m: 7.49, "
+        "rotor_speed_hz: 4.5, lock_number: 8.7, flap_static_moment_kg_m: 276.48, flap_inertia_kg_m2: 1339.19, "
+        "flap_frequency_ratio: 1.03}\ncockpit: {seat: {slump_m: 0.03}, collective: {inertia_kg_m2: 0.1, "
+        "grip_m: [0.33, 0.26, -0.25]}}")  # fmt: skip
+    for old, new in (
+        ("gearing_rad_per_m: 1.1", "gearing_rad_per_m: 1.3"), ("task: position", "task: relax\n  strength_factor: 0.9"),
+        ("3.10", "2.0"), ("stature_m: 1.775", "stature_m: 1.7"),
+    ):  # fmt: skip
+        text = changed(old, new, text)
+    written = study_from_text(text)
+    with EvaluationContext(written) as context:
+        same = evaluate(context, written.nominal)
+    assert isinstance(outcome, Evaluation) and isinstance(same, Evaluation)
+    assert outcome.result["values"] == STUDY.values(CHANGES)
+    assert {**outcome.result, "values": None} == {**same.result, "values": None}
+    assert outcome.result["loop"] != before.result["loop"]
+
+
+def test_strength_scales_every_muscle() -> None:
+    whole, weak = (make_body(Biometrics(40.0, 1.775, 75.6, "male"), ("left", "right"), k) for k in (1.0, 0.8))
+    assert weak.strength_factor == pytest.approx(0.8 * whole.strength_factor, rel=1e-15)
+    for side, limb in whole.limbs.items():
+        for muscle, weaker in zip(limb.muscles, weak.limbs[side].muscles, strict=True):
+            assert pytest.approx(0.8 * muscle.F0_N, rel=1e-15) == weaker.F0_N
+    with EvaluationContext(STUDY) as context:
+        effort = [
+            evaluate(context, STUDY.values({"pilot.strength_factor": k})).result["activation"]["sum_of_squares"]
+            for k in (0.8, 1.0)
+        ]
+    # without passive forces a -> a / k and the sum of squares -> 1 / k^2; they hold a part of the torque
+    assert 1.0 < effort[0] / effort[1] < 1.0 / 0.8**2
+
+
+def test_a_corner_of_the_box_that_holds_no_rotorcraft_is_a_failed_pilot() -> None:
+    with EvaluationContext(MAYO_STUDY) as context:
+        outcome = evaluate(context, MAYO_STUDY.values({"rotorcraft.mass_kg": 100.0}))
+    assert isinstance(outcome, FailedEvaluation) and outcome.stage == "study"
+    assert "blades weigh more than the whole rotorcraft" in outcome.reason
