@@ -4,7 +4,7 @@
 
     study = pg.read_study("study.yaml")
     pilot = pg.evaluate(study, {"stature_m": 1.95})
-    found = pg.search(study, "results/study")
+    found = pg.search_pilots(study, "results/study")
 
 The public names are those of `pilotgen.api` (docs/python.md); each is imported when it is first asked for.
 
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
         evaluate_many,
         open_results,
         read_study,
-        sample,
-        search,
+        sample_pilots,
+        search_pilots,
     )
 
 __version__ = "1.0.0"
@@ -51,8 +51,8 @@ _PUBLIC = {
     "evaluate_many": "api",
     "open_results": "api",
     "read_study": "study.study",
-    "sample": "api",
-    "search": "api",
+    "sample_pilots": "api",
+    "search_pilots": "api",
 }
 
 __all__ = [
@@ -69,8 +69,8 @@ __all__ = [
     "evaluate_many",
     "open_results",
     "read_study",
-    "sample",
-    "search",
+    "sample_pilots",
+    "search_pilots",
 ]
 
 

@@ -45,8 +45,8 @@ __all__ = [
     "evaluate_many",
     "open_results",
     "read_study",
-    "sample",
-    "search",
+    "sample_pilots",
+    "search_pilots",
 ]
 
 ACCELERATION, ROTATION, PITCH = "seat_zddot_m_s2", "collective_rad", "blade_pitch_rad"  # signals of the loop
@@ -269,7 +269,10 @@ class StudyResult(_Table):
         return rows
 
     def to_dict(self) -> dict[str, Any]:
-        """Attributes, bounds, the front and every column as plain lists."""
+        """Attributes, bounds, the front and every column as plain lists, as JSON takes them.
+
+        Numbers that are infinite (no crossing) or absent are None, as in result.json.
+        """
         results = self._results
         return {
             "attributes": {
@@ -280,12 +283,20 @@ class StudyResult(_Table):
                 for name, low, high in zip(results.names, results.lower, results.upper, strict=True)
             },
             "objectives": list(results.objective_names),
-            "evaluations": {name: column.tolist() for name, column in results.columns.items()},
+            "evaluations": {name: _plain(column) for name, column in results.columns.items()},
             "front": self.front.tolist(),
         }
 
 
-def search(
+def _plain(column: np.ndarray) -> list[Any]:
+    if column.dtype.kind != "f":
+        return list(column.tolist())
+    plain = column.astype(object)
+    plain[~np.isfinite(column)] = None
+    return list(plain.tolist())
+
+
+def search_pilots(
     study: Study,
     directory: str | os.PathLike[str],
     options: RunOptions | None = None,
@@ -327,7 +338,7 @@ def search(
     return open_results(run.path)
 
 
-def sample(
+def sample_pilots(
     study: Study,
     directory: str | os.PathLike[str],
     number: int,
@@ -342,7 +353,7 @@ def sample(
     Parameters
     ----------
     study, directory, options, on_progress, overwrite
-        As of `search`.
+        As of `search_pilots`.
     number : int
         How many pilots; pilot i does not depend on it.
     method : str

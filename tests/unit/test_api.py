@@ -92,14 +92,15 @@ def test_search_and_sample(study: pg.Study, tmp_path: Path) -> None:
     import dataclasses
 
     small = dataclasses.replace(study, search=dataclasses.replace(study.search, population=8, generations=2))
-    found = pg.search(small, tmp_path / "search", pg.RunOptions(workers=1), report=False)
+    found = pg.search_pilots(small, tmp_path / "search", pg.RunOptions(workers=1), report=False)
     assert len(found) == 16 and set(found.to_dict()["evaluations"]) >= {"inputs", "status", "gain_margin_db"}
     worst = found.worst(1)[0]
     assert worst["gain_margin_db"] == np.min(found.table()["gain_margin_db"])
+    json.dumps(found.to_dict(), allow_nan=False)
     assert found.to_dict() == pg.open_results(tmp_path / "search").to_dict()
     with pytest.raises(pg.PilotgenError, match="already holds a study"):
-        pg.search(small, tmp_path / "search", report=False)
-    sample = pg.sample(small, tmp_path / "sample", 8, options=pg.RunOptions(workers=1))
+        pg.search_pilots(small, tmp_path / "search", report=False)
+    sample = pg.sample_pilots(small, tmp_path / "sample", 8, options=pg.RunOptions(workers=1))
     # both start with the same points of the box
     np.testing.assert_array_equal(
         np.sort(sample.table()["gain_margin_db"]), np.sort(found.table()["gain_margin_db"][:8])
