@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import io
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from pilotgen.errors import FileError
+from pilotgen.files import write_bytes
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.study.schema import unit_of
 
@@ -137,16 +136,7 @@ def png(figure: Figure) -> bytes:
 
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as PNG, whole or not at all; FileError if that fails."""
-    data = png(figure)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(data)
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise FileError(
-            f"{path}: the figure cannot be written ({error.strerror}); check space and permissions"
-        ) from None
+    write_bytes(path, png(figure))
 
 
 def danger_colors() -> Colormap:

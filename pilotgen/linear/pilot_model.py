@@ -16,12 +16,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pilotgen.errors import EvaluationError, FileError, MatrixError
+from pilotgen.errors import EvaluationError, MatrixError
+from pilotgen.hdf5 import NewFile, opened, text
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues, washout
 from pilotgen.solver.descriptor import Complexes, Floats
 
@@ -220,61 +221,41 @@ class PilotModel:
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the model as HDF5 (docs/io_formats/pilot_model.md), replacing the file; FileError if that fails."""
-        import h5py
-
         A, B, C, D, names, units = self._all_outputs(washout=True)
-        try:
-            with h5py.File(path, "w") as file:
-                file.attrs["filetype"] = np.bytes_(FILETYPE)
-                file.attrs["version"] = np.array(VERSION, dtype=np.int32)
-                file.attrs["projection"] = np.bytes_(self.projection)
-                for name, value in (("A", A), ("B", B), ("C", C), ("D", D)):
-                    file[name] = value
-                file["inputs/name"], file["inputs/unit"] = np.array([INPUT_NAME], "S"), np.array([INPUT_UNIT], "S")
-                file["outputs/name"], file["outputs/unit"] = np.array(names, "S"), np.array(units, "S")
-                file["poles"] = np.column_stack([self.poles.real, self.poles.imag])
-                for name, value in (("A", self.A), ("B", self.B), ("C", self.C), ("D", self.D)):
-                    file[f"modes/{name}"] = value
-                file["integrators"] = self.integrators
-                file["lever_length_m"] = self.lever_length_m
-                file["washout_rad_s"] = np.nan if self.washout_rad_s is None else self.washout_rad_s
-                file["translation_error"] = np.nan if self.translation_error is None else self.translation_error
-        except OSError as error:
-            raise FileError(f"{os.fspath(path)}: cannot be written ({error})") from error
+        with NewFile(path, FILETYPE, VERSION) as new:
+            file = new.file
+            file.attrs["projection"] = np.bytes_(self.projection)
+            for name, value in (("A", A), ("B", B), ("C", C), ("D", D)):
+                file[name] = value
+            file["inputs/name"], file["inputs/unit"] = np.array([INPUT_NAME], "S"), np.array([INPUT_UNIT], "S")
+            file["outputs/name"], file["outputs/unit"] = np.array(names, "S"), np.array(units, "S")
+            file["poles"] = np.column_stack([self.poles.real, self.poles.imag])
+            for name, value in (("A", self.A), ("B", self.B), ("C", self.C), ("D", self.D)):
+                file[f"modes/{name}"] = value
+            file["integrators"] = self.integrators
+            file["lever_length_m"] = self.lever_length_m
+            file["washout_rad_s"] = np.nan if self.washout_rad_s is None else self.washout_rad_s
+            file["translation_error"] = np.nan if self.translation_error is None else self.translation_error
 
 
 def read_pilot_model(path: str | os.PathLike[str]) -> PilotModel:
     """Read a pilot model file; FileError if it cannot be opened, MatrixError if it is not one or is damaged."""
-    import h5py
-
-    text_path = os.fspath(path)
-    try:
-        file = h5py.File(text_path, "r")
-    except OSError as error:
-        raise FileError(f"{text_path}: cannot be read as HDF5 ({error})") from error
-    with file:
-        filetype = _text(file.attrs.get("filetype", b""))
-        if filetype != FILETYPE:
-            raise MatrixError(f"{text_path} is not a {FILETYPE} file: its filetype is '{filetype}'")
-        version = np.atleast_1d(file.attrs.get("version", np.zeros(2, dtype=int)))
-        if version[0] != VERSION[0]:
-            raise MatrixError(f"{text_path}: version {version[0]} of the format; this program reads {VERSION[0]}.x")
-        try:
-            parts = {name: np.asarray(file[f"modes/{name}"][()], dtype=float) for name in "ABCD"}
-            numbers = {
-                name: float(file[name][()])
-                for name in ("integrators", "lever_length_m", "washout_rad_s", "translation_error")
-            }
-            names = tuple(_text(name) for name in file["outputs/name"][()])
-        except (KeyError, TypeError, ValueError) as error:
-            raise MatrixError(f"{text_path}: a dataset is missing or of the wrong kind ({error})") from error
+    with opened(path, FILETYPE, VERSION, MatrixError) as file:
+        parts = {name: np.asarray(file[f"modes/{name}"][()], dtype=float) for name in "ABCD"}
+        numbers = {
+            name: float(file[name][()])
+            for name in ("integrators", "lever_length_m", "washout_rad_s", "translation_error")
+        }
+        names = tuple(text(name) for name in file["outputs/name"][()])
         r, outputs = len(np.atleast_1d(parts["B"])), tuple(name for name in names if name != GRIP_OUTPUT)
         shapes = {"A": (r, r), "B": (r,), "C": (len(outputs), r), "D": (len(outputs),)}
         for name, shape in shapes.items():
             if parts[name].shape != shape or not np.isfinite(parts[name]).all():
-                raise MatrixError(f"{text_path}: dataset 'modes/{name}' must have shape {shape} and finite numbers")
+                raise MatrixError(
+                    f"{os.fspath(path)}: dataset 'modes/{name}' must have shape {shape} and finite numbers"
+                )
         return PilotModel(
-            projection=_text(file.attrs["projection"]) if "projection" in file.attrs else "exact",
+            projection=text(file.attrs["projection"]) if "projection" in file.attrs else "exact",
             outputs=outputs,
             lever_length_m=numbers["lever_length_m"],
             integrators=int(numbers["integrators"]),
@@ -285,10 +266,6 @@ def read_pilot_model(path: str | os.PathLike[str]) -> PilotModel:
             C=parts["C"],
             D=parts["D"],
         )
-
-
-def _text(value: Any) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
 def real_blocks(poles: Complexes, residues: Complexes) -> tuple[Floats, Floats, Floats]:

@@ -6,7 +6,6 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.errors import FileError
+from pilotgen.hdf5 import NewFile, opened, text
 from pilotgen.objectives import OBJECTIVES, Objective
 
 FILETYPE = "pilotgen study"
@@ -195,17 +194,11 @@ class ResultsWriter:
     ) -> None:
         import h5py
 
-        self.path = path
         self.names = tuple(names)
         self._objective_names = tuple(objective_names)
-        self._part = path.with_name(path.name + ".part")
         self._text = h5py.string_dtype("utf-8")
-        try:
-            self._file = h5py.File(self._part, "w", track_order=True)
-        except OSError as error:
-            raise self._explain(error) from None
-        self._file.attrs["filetype"] = FILETYPE
-        self._file.attrs["version"] = np.array(VERSION, dtype=np.int64)
+        self._new = NewFile(path, FILETYPE, VERSION)
+        self._file = self._new.file
         for key, value in attributes.items():
             self._file.attrs[key] = value
         variables = self._file.create_group("variables")
@@ -215,39 +208,33 @@ class ResultsWriter:
             variables.create_dataset(side, data=np.asarray(bound, dtype=float)).attrs["units"] = units
         self._evaluations = self._file.create_group("evaluations", track_order=True)
 
-    def _explain(self, error: OSError) -> FileError:
-        return FileError(
-            f"{self.path}: cannot write the results ({error.strerror or error}); check space and permissions"
-        )
-
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Add evaluations: the datasets of `columns_of`, the same ones every time."""
         group = self._evaluations
-        try:
-            for key, data in columns.items():
-                if key not in group:
-                    kind = self._text if data.dtype == object else data.dtype
-                    group.create_dataset(
-                        key,
-                        data=data,
-                        dtype=kind,
-                        maxshape=(None, *data.shape[1:]),
-                        chunks=(max(1, CHUNK_ROWS), *data.shape[1:]),
-                    )
-                    if key == "objectives":
-                        group[key].attrs["names"] = np.array(list(self._objective_names), dtype=object)
-                    if key in _WITHOUT_UNIT:
-                        continue
-                    several = {"inputs": self.names, "objectives": self._objective_names}.get(key)
-                    group[key].attrs["units"] = (
-                        unit_of(key) if several is None else np.array([unit_of(name) for name in several], dtype=object)
-                    )
-                else:
-                    old = len(group[key])
-                    group[key].resize(old + len(data), axis=0)
-                    group[key][old:] = data
-        except OSError as error:
-            raise self._explain(error) from None
+        for key, data in columns.items():
+            if key not in group:
+                kind = self._text if data.dtype == object else data.dtype
+                group.create_dataset(
+                    key,
+                    data=data,
+                    dtype=kind,
+                    maxshape=(None, *data.shape[1:]),
+                    chunks=(max(1, CHUNK_ROWS), *data.shape[1:]),
+                    fletcher32=kind is not self._text,
+                )
+                if key == "objectives":
+                    group[key].attrs["names"] = np.array(list(self._objective_names), dtype=object)
+                if key in _WITHOUT_UNIT:
+                    continue
+                several = {"inputs": self.names, "objectives": self._objective_names}.get(key)
+                group[key].attrs["units"] = (
+                    unit_of(key) if several is None else np.array([unit_of(name) for name in several], dtype=object)
+                )
+            else:
+                old = len(group[key])
+                group[key].resize(old + len(data), axis=0)
+                group[key][old:] = data
+        self._new.check()
 
     def population(self, members: np.ndarray, front: np.ndarray) -> None:
         """Write the populations a search went through."""
@@ -258,15 +245,8 @@ class ResultsWriter:
     def __enter__(self) -> ResultsWriter:
         return self
 
-    def __exit__(self, kind: object, *_: object) -> None:
-        try:
-            self._file.close()
-            if kind is None:
-                os.replace(self._part, self.path)
-        except OSError as error:
-            raise self._explain(error) from None
-        finally:
-            self._part.unlink(missing_ok=True)
+    def __exit__(self, kind: object, *rest: object) -> None:
+        self._new.__exit__(kind, *rest)
 
 
 def write_results(
@@ -288,31 +268,42 @@ def write_results(
 
 
 def read_results(path: Path) -> StudyResults:
-    """Read study.h5; FileError if it is something else or of another version."""
+    """Read study.h5; FileError if it is something else, of another version, or damaged."""
     import h5py
 
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("filetype") != FILETYPE:
-                raise FileError(f"{path} is not a {FILETYPE} file")
-            version = tuple(int(v) for v in file.attrs["version"])
-            if version[0] != VERSION[0]:
-                raise FileError(f"{path}: format version {version[0]}.{version[1]}, this program reads {VERSION[0]}.x")
-            attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version")}
-            columns = {}
-            for key, dataset in file["evaluations"].items():
-                columns[key] = dataset.asstr()[:] if h5py.check_string_dtype(dataset.dtype) else dataset[:]
-            objective_names = tuple(str(name) for name in file["evaluations/objectives"].attrs["names"])
-            population = file.get("population")
-            return StudyResults(
-                attributes,
-                tuple(file["variables/name"].asstr()[:]),
-                file["variables/lower"][:],
-                file["variables/upper"][:],
-                objective_names,
-                columns,
-                population["members"][:] if population is not None else np.empty((0, 0), dtype=np.int64),
-                population["front"][:] if population is not None else np.empty(0, dtype=np.int64),
-            )
-    except (OSError, KeyError) as error:
-        raise FileError(f"{path}: cannot be read as study results ({error})") from None
+    with opened(path, FILETYPE, VERSION) as file:
+        attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version")}
+        columns = {}
+        for key, dataset in file["evaluations"].items():
+            columns[key] = dataset.asstr()[:] if h5py.check_string_dtype(dataset.dtype) else dataset[:]
+        population = file.get("population")
+        results = StudyResults(
+            attributes,
+            tuple(file["variables/name"].asstr()[:]),
+            file["variables/lower"][:],
+            file["variables/upper"][:],
+            tuple(text(name) for name in file["evaluations/objectives"].attrs["names"]),
+            columns,
+            population["members"][:] if population is not None else np.empty((0, 0), dtype=np.int64),
+            population["front"][:] if population is not None else np.empty(0, dtype=np.int64),
+        )
+        _check_whole(results)
+        return results
+
+
+def _check_whole(results: StudyResults) -> None:
+    """Raise ValueError if the parts do not go together."""
+    columns, v = results.columns, len(results.names)
+    n = len(columns["status"])
+    wrong = [name for name, column in columns.items() if len(column) != n]
+    if wrong or columns["inputs"].shape != (n, v) or results.lower.shape != (v,) or results.upper.shape != (v,):
+        raise ValueError(f"{wrong[0] if wrong else 'inputs or bounds'} and status differ in length")
+    if not set(columns["status"]) <= {"ok", "failed"}:
+        raise ValueError("status is neither ok nor failed")
+    for name, rows in (("members", results.members), ("front", results.front)):
+        if rows.size and not (0 <= rows.min() and rows.max() < n):
+            raise ValueError(f"population/{name} names evaluations that are not there")
+    ok = columns["status"] == "ok"
+    for row in OBJECTIVES.values():
+        if row.key in columns and np.isnan(columns[row.key][ok]).any():
+            raise ValueError(f"{row.key} of an evaluated pilot is no number")

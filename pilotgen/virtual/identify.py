@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pilotgen.activation.reflex import reflex_gains
-from pilotgen.errors import FileError
 from pilotgen.evaluation import EvaluationContext, linearise_direct, solve_pilot
+from pilotgen.hdf5 import NewFile
 from pilotgen.linear.feedthrough import make_pilot_model
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.solver.descriptor import Complexes, Floats
@@ -354,31 +354,25 @@ def _hidden(found: Identification) -> list[str]:
 
 def write_identification(found: Identification, path: str | os.PathLike[str]) -> None:
     """Write the responses as HDF5 (docs/io_formats/identification.md); FileError if that fails."""
-    import h5py
-
-    try:
-        with h5py.File(path, "w") as file:
-            file.attrs["filetype"] = np.bytes_(FILETYPE)
-            file.attrs["version"] = np.array(VERSION, dtype=np.int32)
-            file.attrs["study"] = np.bytes_(found.study.encode())
-            file.attrs["lever_length_m"] = found.model.lever_length_m
-            for name, value in found.values.items():
-                file.attrs[name] = value
-            file["direct/frequency_hz"] = np.asarray(found.frequencies_hz)
-            file["direct/response"] = found.direct(found.frequencies_hz)
-            file["direct"].attrs["seconds"] = found.direct_s
-            for k, run in enumerate(found.runs):
-                group = file.create_group(f"tests/{k}")
-                group.attrs["method"] = np.bytes_(run.method)
-                group.attrs["amplitude_m_s2"] = run.amplitude_m_s2
-                group.attrs["activation_check"] = int(run.activation_check)
-                group.attrs["seconds"], group.attrs["simulated_s"] = run.seconds, run.simulated_s
-                group["frequency_hz"], group["response"] = run.frequency_hz, run.response
-                if run.coherence is not None:
-                    group["coherence"] = run.coherence
-                if run.points:
-                    group["harmonics"] = np.array([point.harmonics for point in run.points])
-                    group["drift"] = np.array([point.drift for point in run.points])
-                    group["scatter"] = np.array([point.scatter for point in run.points])
-    except OSError as error:
-        raise FileError(f"{os.fspath(path)}: cannot be written ({error})") from error
+    with NewFile(path, FILETYPE, VERSION) as new:
+        file = new.file
+        file.attrs["study"] = np.bytes_(found.study.encode())
+        file.attrs["lever_length_m"] = found.model.lever_length_m
+        for name, value in found.values.items():
+            file.attrs[name] = value
+        file["direct/frequency_hz"] = np.asarray(found.frequencies_hz)
+        file["direct/response"] = found.direct(found.frequencies_hz)
+        file["direct"].attrs["seconds"] = found.direct_s
+        for k, run in enumerate(found.runs):
+            group = file.create_group(f"tests/{k}")
+            group.attrs["method"] = np.bytes_(run.method)
+            group.attrs["amplitude_m_s2"] = run.amplitude_m_s2
+            group.attrs["activation_check"] = int(run.activation_check)
+            group.attrs["seconds"], group.attrs["simulated_s"] = run.seconds, run.simulated_s
+            group["frequency_hz"], group["response"] = run.frequency_hz, run.response
+            if run.coherence is not None:
+                group["coherence"] = run.coherence
+            if run.points:
+                group["harmonics"] = np.array([point.harmonics for point in run.points])
+                group["drift"] = np.array([point.drift for point in run.points])
+                group["scatter"] = np.array([point.scatter for point in run.points])

@@ -18,9 +18,10 @@ import numpy as np
 
 from pilotgen.decks.deck import render_direct
 from pilotgen.decks.text import number
-from pilotgen.errors import EvaluationError, FileError, MatrixError
+from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.evaluation import EvaluationContext, SolvedPilot
 from pilotgen.files import write_text
+from pilotgen.hdf5 import opened, text
 from pilotgen.solver.descriptor import Complexes, Floats
 from pilotgen.study.study import Reflex
 
@@ -249,27 +250,10 @@ def read_motion(path: str | os.PathLike[str]) -> Motion:
     MatrixError
         It is no motion file, or has not these channels.
     """
-    import h5py
-
-    name = os.fspath(path)
-    try:
-        file = h5py.File(name, "r")
-    except OSError as error:
-        raise FileError(f"{name}: cannot be read as HDF5 ({error})") from error
-    with file:
-        filetype = file.attrs.get("filetype", b"")
-        filetype = filetype.decode(errors="replace") if isinstance(filetype, bytes) else str(filetype)
-        if filetype != MOTION_FILETYPE:
-            raise MatrixError(f"{name} is not a {MOTION_FILETYPE} file: its filetype is '{filetype}'")
-        version = int(np.atleast_1d(file.attrs.get("version", np.zeros(1, dtype=int)))[0])
-        if version != MOTION_VERSION:
-            raise MatrixError(f"{name}: version {version} of the format; this program reads {MOTION_VERSION}.x")
-        try:
-            time, data = np.asarray(file["time"][()]), np.asarray(file["data"][()])
-            channels = [bytes(channel).decode().rstrip("\0") for channel in file["channels/name"][()]]
-            seat, lever = (data[:, channels.index(channel)] for channel in (INPUT_CHANNEL, OUTPUT_CHANNEL))
-        except (KeyError, ValueError, IndexError) as error:
-            raise MatrixError(f"{name}: a dataset or channel is missing ({error})") from error
+    with opened(path, MOTION_FILETYPE, (MOTION_VERSION, 0), MatrixError) as file:
+        time, data = np.asarray(file["time"][()]), np.asarray(file["data"][()])
+        channels = [text(channel).rstrip("\0") for channel in file["channels/name"][()]]
+        seat, lever = (data[:, channels.index(channel)] for channel in (INPUT_CHANNEL, OUTPUT_CHANNEL))
     return Motion(time, seat - seat[0], lever - lever[0])
 
 

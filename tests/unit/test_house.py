@@ -16,7 +16,7 @@ def listed_rooms() -> dict[str, list[str]]:
     """Rooms of the developer's overview in its order, each with the modules listed for it."""
     rooms: dict[str, list[str]] = {}
     for room, module in re.findall(
-        r"^\| (?:`([a-z_]+)/?`)? *\| (?:`([a-z_0-9]+)`)? *\|",
+        r"^\| (?:`([a-z_0-9]+)/?`)? *\| (?:`([a-z_0-9]+)`)? *\|",
         (ROOT / "docs" / "developer.md").read_text(),
         flags=re.MULTILINE,
     ):

@@ -106,5 +106,25 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
 
 
 def test_unwritable_directory(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot write"):
+    with pytest.raises(FileError, match="cannot be written"):
         _write(tmp_path / "none" / "study.h5")
+
+
+def test_a_flipped_bit_is_noticed(tmp_path: Path) -> None:
+    _write(tmp_path / "study.h5")
+    data = bytearray((tmp_path / "study.h5").read_bytes())
+    at = data.index(np.float64(6.5).tobytes())
+    data[at + 6] ^= 1
+    (tmp_path / "study.h5").write_bytes(data)
+    with pytest.raises(FileError, match="damaged"):
+        read_results(tmp_path / "study.h5")
+
+
+@pytest.mark.parametrize("name", ["evaluations/status", "evaluations/inputs", "variables/lower", "population/front"])
+def test_parts_that_do_not_go_together_are_told(tmp_path: Path, name: str) -> None:
+    _write(tmp_path / "study.h5")
+    with h5py.File(tmp_path / "study.h5", "r+") as file:
+        del file[name]
+        file[name] = np.array([7])
+    with pytest.raises(FileError, match="damaged"):
+        read_results(tmp_path / "study.h5")

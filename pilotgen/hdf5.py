@@ -1,0 +1,183 @@
+"""HDF5 files of ours: written whole or not at all, recognised by type and version; damage is told in a sentence.
+
+The HDF5 library must never see a failing disk: it cannot close a file that it cannot write, and crashes when the
+process ends. It therefore writes through `_Spool`, which takes everything and keeps the first error for us.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pilotgen.errors import FileError, PilotgenError
+
+if TYPE_CHECKING:
+    import h5py
+
+# What h5py raises when a file is not what it says.
+_DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, MemoryError, OverflowError, AttributeError)
+
+
+class _Spool(io.RawIOBase):
+    """A file for the HDF5 library to write to; after the first error it goes on in memory."""
+
+    def __init__(self, path: Path) -> None:
+        self._file: Any = path.open("w+b", buffering=0)
+        self.error: OSError | None = None
+
+    def _give_up(self, error: OSError) -> None:
+        self.error = self.error or error
+        place = self._file.tell()
+        self._file.seek(0)
+        memory = io.BytesIO(self._file.read())
+        self._file.close()
+        memory.seek(place)
+        self._file = memory
+
+    def readinto(self, buffer: Any) -> int:
+        return int(self._file.readinto(buffer))
+
+    def write(self, data: Any) -> int:
+        view = memoryview(data).cast("B")
+        done = 0
+        while done < len(view):
+            try:
+                done += self._file.write(view[done:])
+            except OSError as error:
+                self._give_up(error)
+        return done
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return int(self._file.truncate(size))
+        except OSError as error:
+            self._give_up(error)
+            return int(self._file.truncate(size))
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        return int(self._file.seek(offset, whence))
+
+    def tell(self) -> int:
+        return int(self._file.tell())
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def close(self) -> None:
+        if not self.closed:
+            try:
+                self._file.close()
+            except OSError as error:
+                self.error = self.error or error
+            super().close()
+
+
+class NewFile:
+    """An HDF5 file that takes its name when the block ends without error.
+
+    Parameters
+    ----------
+    path : path
+        The file; one that is there is replaced.
+    filetype : str
+        What its attribute `filetype` says.
+    version : tuple of int
+        Major and minor version of the format.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], filetype: str, version: tuple[int, int]) -> None:
+        import h5py
+
+        self.path = Path(path)
+        self._part = self.path.with_name(self.path.name + ".part")
+        try:
+            self._spool = _Spool(self._part)
+        except OSError as error:
+            raise self._failure(error) from None
+        self.file: h5py.File = h5py.File(self._spool, "w", track_order=True)
+        self.file.attrs["filetype"] = np.bytes_(filetype.encode())
+        self.file.attrs["version"] = np.array(version, dtype=np.int64)
+
+    def _failure(self, error: OSError) -> FileError:
+        return FileError(f"{self.path}: cannot be written ({error.strerror or error}); check space and permissions")
+
+    def check(self) -> None:
+        """Raise FileError if anything could not be written so far."""
+        self.file.flush()
+        if self._spool.error is not None:
+            raise self._failure(self._spool.error)
+
+    def __enter__(self) -> NewFile:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            self.file.close()
+            self._spool.close()
+            if kind is None:
+                if self._spool.error is not None:
+                    raise self._failure(self._spool.error)
+                try:
+                    os.replace(self._part, self.path)
+                except OSError as error:
+                    raise self._failure(error) from None
+        finally:
+            self._part.unlink(missing_ok=True)
+
+
+@contextmanager
+def opened(
+    path: str | os.PathLike[str],
+    filetype: str,
+    version: tuple[int, int],
+    error: type[PilotgenError] = FileError,
+) -> Iterator[h5py.File]:
+    """Open an HDF5 file of ours to read; only reading belongs into the block.
+
+    Raises
+    ------
+    FileError
+        It cannot be opened.
+    error
+        It is of another type or version, or what the block reads is missing, of the wrong kind or damaged.
+    """
+    import h5py
+
+    name = os.fspath(path)
+    try:
+        file = h5py.File(name, "r")
+    except OSError as problem:
+        raise FileError(f"{name}: cannot be read as HDF5 ({problem})") from None
+    with file:
+        try:
+            found = text(file.attrs.get("filetype", ""))
+            if found != filetype:
+                raise error(f"{name} is not a {filetype} file: its filetype is {found[:40]!r}")
+            major, minor = (int(part) for part in np.atleast_1d(file.attrs.get("version", (0, 0)))[:2])
+            if major != version[0]:
+                raise error(f"{name}: version {major}.{minor} of the format; this program reads {version[0]}.x")
+            yield file
+        except PilotgenError:
+            raise
+        except _DAMAGE as problem:
+            told = str(problem.args[0]) if problem.args else type(problem).__name__
+            raise error(f"{name}: a part is missing, of the wrong kind or damaged ({told})") from None
+
+
+def text(value: Any) -> str:
+    """A text attribute or dataset entry, however it is stored."""
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
