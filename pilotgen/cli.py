@@ -1,7 +1,6 @@
 """The command line: parse, call one command, turn errors into one sentence and an exit code.
 
-Exit codes: 0 done as asked; 1 wrong input or an unusable file; 2 the pilot or study could not be evaluated;
-3 `compare` found a difference or `check-mbdyn` a deck that fails; 70 an error inside pilotgen; 130 interrupted.
+Exit codes: `EXIT_CODES` below, and docs/exit_codes.md.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -14,12 +13,14 @@ import gc
 import importlib
 import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import NoReturn
 
 from pilotgen import __version__
-from pilotgen.errors import EvaluationError, PilotgenError
+from pilotgen.errors import EvaluationError, IncompleteOutput, PilotgenError
 
 COMMANDS = (
     "pilot",
@@ -40,8 +41,21 @@ COLLECTOR_THRESHOLD = 10_000
 
 EXIT_ERROR = 1
 EXIT_FAILED = 2
+EXIT_INCOMPLETE = 4
 EXIT_INTERNAL = 70
-EXIT_INTERRUPTED = 130
+
+EXIT_CODES: Mapping[int, str] = {  # the same table stands in docs/exit_codes.md
+    0: "done as asked",
+    1: "wrong command line or input, or a file or directory that cannot be used",
+    2: "the pilot, or every pilot of the study, could not be evaluated; more failures than --max-failures",
+    3: "`compare` found a difference, `check-mbdyn` a deck that MBDyn would not start",
+    4: "done, but something that was promised could not be left (the message says what)",
+    5: "`--fail-below`: a closed loop is unstable or has a margin below the study's limits",
+    70: "an error inside pilotgen",
+    129: "ended by SIGHUP (the terminal went away)",
+    130: "interrupted (Ctrl-C)",
+    143: "ended by SIGTERM",
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -100,12 +114,14 @@ def _run(arguments: Sequence[str] | None) -> int:
     except EvaluationError as error:
         print(f"pilotgen: failed: {error}", file=sys.stderr)
         return EXIT_FAILED
+    except IncompleteOutput as error:
+        print(f"pilotgen: incomplete: {error}", file=sys.stderr)
+        return EXIT_INCOMPLETE
     except PilotgenError as error:
         print(f"pilotgen: error: {error}", file=sys.stderr)
         return EXIT_ERROR
-    except KeyboardInterrupt:
-        print("\npilotgen: interrupted; what was recorded is kept", file=sys.stderr)
-        return EXIT_INTERRUPTED
+    except KeyboardInterrupt as interruption:
+        return _tell_interruption(interruption)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         return EXIT_ERROR
     except OSError as error:
@@ -122,6 +138,15 @@ def _run(arguments: Sequence[str] | None) -> int:
             file=sys.stderr,
         )
         return EXIT_INTERNAL
+
+
+def _tell_interruption(interruption: KeyboardInterrupt) -> int:
+    """Say what ended the run and what is kept of it; returns 128 + the signal's number."""
+    number, kept = getattr(interruption, "signal", signal.SIGINT), getattr(interruption, "kept", "")
+    how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+    with suppress(OSError):  # of a terminal that went away
+        print(f"\npilotgen: {how}" + (f"; {kept}" if kept else ""), file=sys.stderr, flush=True)
+    return 128 + int(number)
 
 
 if __name__ == "__main__":

@@ -51,5 +51,9 @@ class SolverError(EvaluationError):
         return (type(self), (self.stage, self.reason, self.died))
 
 
+class IncompleteOutput(PilotgenError):
+    """A run came to its end, but could not leave all that it promises; what is there is sound."""
+
+
 class MatrixError(PilotgenError):
     """A matrices file is not what it should be."""

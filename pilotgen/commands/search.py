@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
+from pilotgen.errors import IncompleteOutput
 
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
@@ -64,13 +65,19 @@ def run(args: argparse.Namespace) -> int:
             done = search_study(study, directory, options, show)
         finally:
             line.finish()
+        incomplete: IncompleteOutput | None = None
         if not args.no_report:
             from pilotgen.report import write_report
 
-            write_report(
-                directory, study, done.results, mbdae=options.mbdae, solver=options.solver, mbdyn=options.mbdyn
-            )
+            try:
+                write_report(
+                    directory, study, done.results, mbdae=options.mbdae, solver=options.solver, mbdyn=options.mbdyn
+                )
+            except IncompleteOutput as problem:
+                incomplete = problem
         print_worst(args.study, done, options.solver)
+    if incomplete is not None:
+        raise incomplete
     return 0 if done.any_ok else 2
 
 

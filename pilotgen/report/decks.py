@@ -13,13 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
 from pilotgen.files import to_json, write_text
-from pilotgen.objectives import GAIN_MARGIN
+from pilotgen.objectives import GAIN_MARGIN, MARGINS
 from pilotgen.report.findings import distinct, worst_order
+from pilotgen.runs.batch import RESULTS_NAME
 from pilotgen.runs.results import StudyResults
 
 FRONT_NAME = "front"
+SAME_MARGIN = 1e-6  # dB, deg: an evaluation repeated by the same program differs by nothing
 MOST_DECKS = 20  # pilots of the front whose decks are written; a front can have a hundred
 
 
@@ -52,8 +54,15 @@ def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECK
     return FrontDecks(np.concatenate([worst, others[spread]]), len(different))
 
 
-def write_front_decks(directory: Path, context: EvaluationContext, results: StudyResults, chosen: FrontDecks) -> None:
+def write_front_decks(
+    directory: Path, context: EvaluationContext, results: StudyResults, chosen: FrontDecks
+) -> list[str]:
     """Write `directory/front/NN/`: decks, matrices.h5 and result.json of every chosen pilot; replaces an older front.
+
+    Returns
+    -------
+    list of str
+        What is not as study.h5 has it: pilots who fail now, or have other margins. Empty when all is well.
 
     Raises
     ------
@@ -65,18 +74,37 @@ def write_front_decks(directory: Path, context: EvaluationContext, results: Stud
         for left_over in (part, old):
             if left_over.exists():
                 shutil.rmtree(left_over)
+        problems: list[str] = []
         for number, index in enumerate(chosen.pilots.tolist(), start=1):
             place = part / f"{number:02d}"
             place.mkdir(parents=True)
             inputs = zip(results.names, results.columns["inputs"][index].tolist(), strict=True)
             outcome = evaluate(context, context.study.values(dict(inputs)), keep=place)
             write_text(place / "result.json", to_json(outcome.result))
+            problems += _problems(place.name, outcome, results, index)
         if target.exists():
             os.replace(target, old)
         os.replace(part, target)
         shutil.rmtree(old, ignore_errors=True)
+        return problems
     except OSError as error:
         shutil.rmtree(part, ignore_errors=True)
         raise FileError(
             f"{target}: the front's decks cannot be written ({error.strerror or error}); check space and permissions"
         ) from None
+
+
+def _problems(name: str, outcome: Evaluation | FailedEvaluation, results: StudyResults, index: int) -> list[str]:
+    """What a pilot who is evaluated again does otherwise than before."""
+    if not isinstance(outcome, Evaluation):
+        return [f"{FRONT_NAME}/{name} failed at {outcome.stage}: {outcome.reason}"]
+    return [
+        f"{FRONT_NAME}/{name} has a {row.label} of {row.text(found)} where {RESULTS_NAME} has {row.text(before)}"
+        for row in MARGINS
+        if not same_margin(found := row.of(outcome.result), before := float(results.columns[row.key][index]))
+    ]
+
+
+def same_margin(a: float, b: float) -> bool:
+    """Whether a pilot evaluated again has the margin that he had."""
+    return a == b or abs(a - b) <= SAME_MARGIN

@@ -73,6 +73,7 @@ def render(
     rows: Sequence[Mapping[str, Any]] | None,
     repeated: Repeated | None,
     front_decks: FrontDecks | None,
+    problems: Sequence[str] = (),
     solver: str = "mbdae",
 ) -> str:
     """The text of report.html; parameters as gathered by `write_report`."""
@@ -90,6 +91,7 @@ def render(
         "failures": _failure_table(results, solver),
         "extrapolations": None if rows is None else findings.extrapolations(rows),
         "worst": worst,
+        "problems": problems,
         "objectives": ", ".join(quantity(name).name for name in results.objective_names),
     }
     if worst is not None:

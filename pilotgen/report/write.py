@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.errors import IncompleteOutput
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures.study import Curve
 from pilotgen.files import write_text
@@ -24,7 +25,6 @@ from pilotgen.study.study import Study
 REPORT_NAME = "report.html"
 STUDY_NAME = "study.yaml"
 CURVE_POINTS = 15  # pilots per variable of the one-at-a-time curves
-SAME_MARGIN = 1e-6  # dB, deg: an evaluation repeated by the same program differs by nothing
 
 
 def write_report(
@@ -61,20 +61,28 @@ def write_report(
     ------
     FileError
         study.h5 cannot be read, or something cannot be written.
+    IncompleteOutput
+        Everything is written, but pilots who were evaluated again fail or have other margins than in study.h5.
     """
     results = read_results(directory / RESULTS_NAME)
     order = findings.worst_order(results)
     front = findings.first_front(results)
     repeated, front_decks = None, None
+    problems: list[str] = []
     if evaluations and len(order):
         with EvaluationContext(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as context:
             repeated = _repeat(context, results, int(order[0]))
             if study.pilot.model == "multibody":
                 front_decks = decks.choose_front(results, front)
-                decks.write_front_decks(directory, context, results, front_decks)
-    text = page.render(study, results, order, front, rows, repeated, front_decks, solver)
+                problems += decks.write_front_decks(directory, context, results, front_decks)
+        if not repeated.same:
+            problems.append("the worst pilot, evaluated again, is not as study.h5 has him")
+    text = page.render(study, results, order, front, rows, repeated, front_decks, problems, solver)
     write_text(directory / STUDY_NAME, study.text)
     write_text(directory / REPORT_NAME, text)
+    if problems:
+        more = f" (and {len(problems) - 1} more, all in the report)" if len(problems) > 1 else ""
+        raise IncompleteOutput(f"{directory / REPORT_NAME} is written, but {problems[0]}{more}")
     return directory / REPORT_NAME
 
 
@@ -82,7 +90,7 @@ def _repeat(context: EvaluationContext, results: StudyResults, worst: int) -> Re
     values = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
     again = evaluate(context, context.study.values(values))
     same = isinstance(again, Evaluation) and all(
-        _equal(row.of(again.result), float(results.columns[row.key][worst])) for row in MARGINS
+        decks.same_margin(row.of(again.result), float(results.columns[row.key][worst])) for row in MARGINS
     )
     return Repeated(
         evaluate(context, context.study.nominal),
@@ -90,10 +98,6 @@ def _repeat(context: EvaluationContext, results: StudyResults, worst: int) -> Re
         tuple(one_at_a_time(context, results, values, j) for j in range(len(results.names))),
         same,
     )
-
-
-def _equal(a: float, b: float) -> bool:
-    return a == b or abs(a - b) <= SAME_MARGIN
 
 
 def one_at_a_time(

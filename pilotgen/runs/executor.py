@@ -49,19 +49,40 @@ def pin_threads() -> None:
         os.environ[variable] = "1"
 
 
-def stop_on_sigterm() -> None:
-    """Have SIGTERM end this process as Ctrl-C does: what was recorded is kept, workers are stopped."""
+class Interrupted(KeyboardInterrupt):
+    """A run was ended from outside.
 
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
+    Attributes
+    ----------
+    signal : int
+        The signal.
+    kept : str
+        What is kept of the run, in words; empty for nothing.
+    """
+
+    def __init__(self, number: int = signal.SIGINT, kept: str = "") -> None:
+        super().__init__()
+        self.signal, self.kept = number, kept
+
+
+def stop_on_sigterm() -> None:
+    """Have SIGTERM and SIGHUP end this process as Ctrl-C does: what was recorded is kept, workers are stopped.
+
+    A SIGHUP that is ignored (nohup) stays ignored.
+    """
+
+    def interrupt(number: int, _: object) -> None:
+        raise Interrupted(number)
 
     signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, interrupt)
 
 
 @contextmanager
 def _signals_wait() -> Iterator[None]:
     """Signals that interrupt come after the block, not in it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
         yield
     finally:
@@ -72,6 +93,7 @@ def _work(pipe: Connection, not_ours: list[Connection], parent: int, warm_up: Wa
     """A worker's life: it leaves Ctrl-C to its parent, and goes when told to or when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # solvers started here inherit this
     signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_SETMASK, set())
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # it died before the line above

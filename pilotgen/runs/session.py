@@ -6,6 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import pickle
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,8 +15,9 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.errors import FileError
+from pilotgen.progress_line import counted
 from pilotgen.runs.batch import Batch, OnProgress, Progress, as_result
-from pilotgen.runs.executor import ProcessWorkers, Workers
+from pilotgen.runs.executor import Interrupted, ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
 from pilotgen.runs.options import RunOptions
@@ -79,7 +81,12 @@ def open_batch(
                 progress,
             )
             batch.warm_up()
-            yield batch
+            try:
+                yield batch
+            except KeyboardInterrupt as interruption:
+                recorded = len(journal)
+                kept = f"{counted(recorded, 'evaluation')} recorded, go on with --resume" if recorded else ""
+                raise Interrupted(getattr(interruption, "signal", signal.SIGINT), kept) from None
     finally:
         workers.close()
 

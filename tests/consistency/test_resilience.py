@@ -155,8 +155,10 @@ def test_interrupted_search_leaves_a_resumable_state(how: str, study: Path, undi
     else:
         os.kill(process.pid, signal.SIGTERM)
     _, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
-    assert err.strip().splitlines()[-1] == "pilotgen: interrupted; what was recorded is kept"
+    assert process.returncode == (130 if how == "Ctrl-C" else 143)
+    said = err.strip().splitlines()[-1]
+    assert said.startswith("pilotgen: interrupted; " if how == "Ctrl-C" else "pilotgen: ended by SIGTERM; ")
+    assert re.search(r"; [0-9]+ evaluations recorded, go on with --resume$", said)
     assert "Traceback" not in err
     assert_all_gone(family)
     kept = recorded(directory)

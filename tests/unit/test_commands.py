@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from pilotgen.cli import COMMANDS, main
+from pilotgen.cli import COMMANDS, EXIT_CODES, main
 from pilotgen.runs.batch import replay_command
 from pilotgen.solver.client import find_mbdae
 
@@ -324,3 +324,31 @@ def test_a_full_disk_behind_standard_output(tmp_path: Path, buffered: bool) -> N
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
     assert done.returncode == 1
     assert done.stderr == "pilotgen: error: standard output or a file: No space left on device\n"
+
+
+def test_exit_codes_are_those_of_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "exit_codes.md").read_text()
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", page, flags=re.MULTILINE)
+    assert {int(code): meaning for code, meaning in rows} == EXIT_CODES
+
+
+def test_a_front_that_cannot_be_left_is_no_success(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pilot of the front who fails when his decks are written: told on screen, in the report, by the code."""
+    from pilotgen.evaluation import FailedEvaluation
+    from pilotgen.report import decks
+
+    evaluate = decks.evaluate
+
+    def fails_once(context, values, keep=None):  # type: ignore[no-untyped-def]
+        if keep is not None and keep.name == "01":
+            return FailedEvaluation(dict(values), "solver", "mbdae is gone")
+        return evaluate(context, values, keep=keep)
+
+    monkeypatch.setattr(decks, "evaluate", fails_once)
+    study = changed(tmp_path, "generations: 3", "generations: 1")
+    code, out, err = run("search", study, "-o", tmp_path / "out", "--workers", "1", "--quiet")
+    assert code == 4
+    assert "worst pilots" in out
+    report = tmp_path / "out" / "report.html"
+    assert err == f"pilotgen: incomplete: {report} is written, but front/01 failed at solver: mbdae is gone\n"
+    assert "front/01 failed at solver" in (tmp_path / "out" / "report.html").read_text()
