@@ -24,6 +24,7 @@ from pilotgen.output import STUDY_FILES, claimed
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, StudyResults, columns_of, read_results, structured_array
+from pilotgen.study.schema import field_of
 from pilotgen.study.study import Study, read_study
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def _to_control(model: StateSpaceModel, put_in: str, out: str, name: str) -> con
 
 def evaluate(
     study: Study,
-    values: Mapping[str, float] | None = None,
+    values: Mapping[str, Any] | None = None,
     keep: str | os.PathLike[str] | None = None,
     mbdae: str | None = None,
     solver: str = "mbdae",
@@ -134,7 +135,8 @@ def evaluate(
     study : Study
         From `read_study`.
     values : mapping, optional
-        Changes of the study's nominal pilot: name -> value in the unit of the name.
+        What this pilot has other than the study's nominal one: short names (`stature_m`) or paths of any number or word
+        of the study (`rotorcraft.mass_kg`, `pilot.task`) -> value in the unit of the name.
     keep : path, optional
         New or empty directory (or one that this function filled) for decks and matrices.h5.
     mbdae, solver, mbdyn
@@ -144,9 +146,12 @@ def evaluate(
     ------
     EvaluationError
         The pilot cannot be evaluated: `stage` and `reason` say where and why.
+    StudyError
+        A name or a value that the study cannot have.
     FileError
         There is no solver, or `keep` cannot be written to.
     """
+    study.with_values(values or {})  # a slip of the caller is his to know, not a pilot's failure
     with EvaluationContext(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as context:
         pilot = study.values(values or {})
         if keep is None:
@@ -227,14 +232,26 @@ def evaluate_many(
     study : Study
         From `read_study`.
     pilots : sequence of mapping
-        Changes of the nominal pilot, one mapping per pilot, all with the same names.
+        What each pilot has other than the nominal one, as of `evaluate`; numbers only, all with the same names.
     options : RunOptions, optional
         Workers, solver, time limit.
     on_progress : callable, optional
         (Progress, milestone) after every pilot.
+
+    Raises
+    ------
+    StudyError
+        A name or a value that the study cannot have.
+    PilotgenError
+        The pilots change different names, or words.
     """
     from pilotgen.runs.session import evaluate_pilots
 
+    for changes in pilots:
+        study.with_values(changes)
+        words = [name for name in changes if not field_of(name).numeric]
+        if words:
+            raise PilotgenError(f"{words[0]} is not a number; change it in the study: study.with_values({{...}})")
     values = [study.values(changes) for changes in pilots]
     if any(tuple(one) != tuple(values[0]) for one in values):
         raise PilotgenError("pilots must all change the same names; give each of them the same keys")
@@ -328,6 +345,7 @@ def search_pilots(
     """
     from pilotgen.runs.search_study import search_study
 
+    study = study.with_own_text()  # what was changed after reading is written down too
     options = options or RunOptions()
     with claimed(Path(directory), "search", STUDY_FILES, options.resume, overwrite) as place:
         run = search_study(study, place, options, on_progress)
@@ -363,6 +381,7 @@ def sample_pilots(
     """
     from pilotgen.runs.sample_study import sample_study
 
+    study = study.with_own_text()
     options = options or RunOptions()
     with claimed(Path(directory), "sample", STUDY_FILES, options.resume, overwrite) as place:
         run = sample_study(study, place, number, method, seed, options, on_progress)

@@ -21,11 +21,12 @@ from pilotgen.bench.machine import Ran, pilotgen, run
 from pilotgen.evaluation import EvaluationContext, evaluate
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
 from pilotgen.study.study import Study, read_study
+from pilotgen.study.yaml_file import read_yaml
 
 
 def variant(study: Path, directory: Path, name: str, **search: Any) -> Path:
     """Write the study with other keys in its search (`limbs` goes to the pilot) and return the new file's path."""
-    text = yaml.safe_load(study.read_text(encoding="utf-8"))
+    text = read_yaml(study).value
     limbs = search.pop("limbs", None)
     if limbs is not None:
         text["pilot"]["limbs"] = limbs

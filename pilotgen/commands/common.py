@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import StudyError
-from pilotgen.study.schema import unit_of
+from pilotgen.study.schema import locate, study_unit
 from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
@@ -186,10 +186,11 @@ def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, Any]]:
         if name.startswith("search."):
             raise StudyError(f"--set {name}: how a search goes means nothing for one pilot; change it in {args.study}")
     changed, values = apply_settings(study, settings)
+    given = {locate(name): values[name.removeprefix("nominal.")] for name in settings}
     for name, (low, high) in study.search.variables.items():
-        value = values.get(name)
-        if name in settings and isinstance(value, int | float) and not low <= value <= high:
-            unit = f" {unit_of(name)}".rstrip()
+        value = given.get(locate(name))
+        if isinstance(value, int | float) and not low <= value <= high:
+            unit = f" {study_unit(name)}".rstrip()
             print(
                 f"pilotgen: note: {name} = {value:g}{unit} is outside the study's search box, "
                 f"{low:g} to {high:g}{unit}",

@@ -16,7 +16,7 @@ import numpy as np
 
 from pilotgen.files import write_bytes
 from pilotgen.objectives import OBJECTIVES
-from pilotgen.study.schema import unit_of
+from pilotgen.study.schema import study_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +91,7 @@ QUANTITIES: dict[str, Quantity] = {
 
 def quantity(name: str) -> Quantity:
     """The quantity of a study's name; a name without an entry stands for itself, with the unit that studies give it."""
-    return QUANTITIES[name] if name in QUANTITIES else Quantity(name, unit_of(name).replace("^2", "²"))
+    return QUANTITIES[name] if name in QUANTITIES else Quantity(name, study_unit(name).replace("^2", "²"))
 
 
 def typeset(text: str) -> str:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
 from pilotgen.study.rotorcraft import NUMBERS, Rotorcraft, load_rotorcraft
-from pilotgen.study.schema import unit_of
+from pilotgen.study.schema import study_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def rotorcraft_report(rotorcraft: str | Mapping[str, Any] | Rotorcraft) -> str:
     model = HeaveModel(r)
     numerator, denominator = model.transfer_function
     lines = [r.name, f"  source: {r.source}", ""]
-    lines += [f"  {key:<26} {getattr(r, key):>10g} {unit_of(f'rotorcraft.{key}')}".rstrip() for key in NUMBERS]
+    lines += [f"  {key:<26} {getattr(r, key):>10g} {study_unit(f'rotorcraft.{key}')}".rstrip() for key in NUMBERS]
     lines += ["", "Poles of heave and coning (one more at 0 for the height itself)"]
     for pole in sorted(model.poles, key=lambda p: (abs(p), -p.imag)):
         if pole.imag < 0.0:

@@ -15,6 +15,7 @@ import numpy as np
 
 from pilotgen.hdf5 import NewFile, opened, text
 from pilotgen.objectives import OBJECTIVES, Objective
+from pilotgen.study.schema import study_unit
 
 FILETYPE = "pilotgen study"
 VERSION = (1, 1)
@@ -56,7 +57,9 @@ _WITHOUT_UNIT = ("generation", "individual", "status", "stage", "reason", "rank"
 
 
 def unit_of(name: str) -> str:
-    """Unit that the end of a name tells, `1` for none: `gearing_rad_per_m` -> `rad/m`."""
+    """Unit of a number of a study, else what the end of a name tells, `1` for none: `gearing_rad_per_m` -> `rad/m`."""
+    if known := study_unit(name):
+        return known
     words = name.rsplit(".", 1)[-1].lower().split("_")
     for first in range(len(words)):
         unit = _UNITS.get("_".join(words[first:]))

@@ -290,10 +290,13 @@ class Text(Field):
     """Any text."""
 
     def check(self, what: str, data: Any) -> str:
-        """Return the text without blanks around it."""
+        """Return the text on one line, without blanks around it."""
         if not isinstance(data, str):
             raise StudyError(f"{what} must be text{_quote_it(data)}")
-        return data.strip()
+        text = " ".join(data.split())
+        if not text.isprintable():
+            raise StudyError(f"{what} holds characters that cannot be printed; remove them")
+        return text
 
 
 @dataclass(frozen=True)
@@ -365,7 +368,10 @@ def spelled(path: KeyPath) -> str:
     """Return a path as it is read aloud: `search.variables.bmi[0]`."""
     text = ""
     for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            text += ("." if text else "") + (part if part.isprintable() else ascii(part)[1:-1])
     return text
 
 

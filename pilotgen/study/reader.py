@@ -5,7 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from pilotgen.errors import StudyError
@@ -91,7 +91,7 @@ def _entry(entry: Value, path: str, model: str, problems: Problems) -> Any:
     if isinstance(declared, Section):
         return read_section(entry, path, model, problems)
     if isinstance(declared, Bounds):
-        return read_bounds(entry, model, problems)
+        return read_by_name(entry, model, problems, _pair)
     with problems.collect():
         return declared.read(entry)
     return None
@@ -127,14 +127,28 @@ def _unknown(entry: Value, key: str, known: Mapping[str, Any], declared: Section
     return StudyError(f"{text}{did_you_mean(key, list(known))}known keys: {', '.join(known)}")
 
 
-def read_bounds(value: Value, model: str, problems: Problems) -> dict[str, tuple[float, float]]:
-    """Return `name -> (lower, upper)` of a mapping from names of numbers to lists of two bounds, in its order."""
+def read_by_name(
+    value: Value, model: str, problems: Problems, read: Callable[[Value, str, Field], Any]
+) -> dict[str, Any]:
+    """Return a mapping from names of numbers (short names or paths), in its order.
+
+    Parameters
+    ----------
+    value : Value
+        The mapping.
+    model : str
+        The pilot model; empty if it is not known.
+    problems : Problems
+        Gets the mistakes.
+    read : callable
+        (entry, name, field of the number) -> what is kept for that number.
+    """
     own = ", ".join(PILOT_VALUES.get(model, ()))
     if not isinstance(value.data, dict) or not value.data:
         problem = "is empty" if value.data is None or value.data == {} else "is not a mapping"
         problems.add(value.error(f"{problem}; name at least one of: {own}, or any other number by its path"))
         return {}
-    bounds: dict[str, tuple[float, float]] = {}
+    kept: dict[str, Any] = {}
     seen: dict[tuple[str, int | None], str] = {}
     for name in value.data:
         entry = value.child(name)
@@ -146,12 +160,12 @@ def read_bounds(value: Value, model: str, problems: Problems) -> dict[str, tuple
             if model and not applies(place[0], model):
                 raise entry.error(f"means nothing for pilot.model = {model!r}; remove it")
             if not declared.numeric or place[0].startswith("search."):
-                raise entry.error("is nothing that a search can vary; it varies numbers of pilot and rotorcraft")
+                raise entry.error("is nothing that can vary; numbers of pilot, cockpit and rotorcraft can")
             if place in seen:
                 raise entry.error(f"is the same number as {seen[place]}; keep one of them")
             seen[place] = name
-            bounds[name.removeprefix("nominal.")] = _pair(entry, name, declared)
-    return bounds
+            kept[name.removeprefix("nominal.")] = read(entry, name, declared)
+    return kept
 
 
 def _pair(entry: Value, name: str, declared: Field) -> tuple[float, float]:
@@ -165,6 +179,6 @@ def _pair(entry: Value, name: str, declared: Field) -> tuple[float, float]:
     if low > high:
         raise entry.error("has its lower bound above its upper bound; did you swap the bounds?")
     if low == high:
-        where = "in nominal" if name in {n for own in PILOT_VALUES.values() for n in own} else "at its own place"
-        raise entry.error(f"has equal bounds; to hold a value fixed leave {name} out here and set it {where}")
+        section = locate(name)[0].partition(".")[0]
+        raise entry.error(f"has equal bounds; to hold a value fixed leave {name} out here and set it in {section}")
     return low, high

@@ -20,6 +20,7 @@ from typing import Any
 from pilotgen.errors import StudyError
 from pilotgen.objectives import DEFAULT_OBJECTIVES, OBJECTIVES
 from pilotgen.study.fields import (
+    REQUIRED,
     Bounds,
     Choice,
     Field,
@@ -375,8 +376,8 @@ def members(path: str) -> Mapping[str, str]:
 
 @cache
 def defaults(path: str) -> Mapping[str, Any]:
-    """Return the defaults of a section's keys."""
-    return {key: SCHEMA[own].default for key, own in members(path).items()}
+    """Return the defaults of a section's keys that have one."""
+    return {key: SCHEMA[own].default for key, own in members(path).items() if SCHEMA[own].default is not REQUIRED}
 
 
 def locate(name: str) -> tuple[str, int | None]:
@@ -459,7 +460,7 @@ def is_whole(name: str) -> bool:
         return False
 
 
-def unit_of(name: str) -> str:
+def study_unit(name: str) -> str:
     """Return the unit of a number of a study, empty for none and for other names."""
     try:
         return str(getattr(field_of(name), "unit", ""))

@@ -33,7 +33,15 @@ from pilotgen.study.schema import (
     defaults,
     locate,
 )
-from pilotgen.study.yaml_file import KeyPath, YamlDocument, bundled, plain_scalar, read_yaml, yaml_from_text
+from pilotgen.study.yaml_file import (
+    KeyPath,
+    YamlDocument,
+    bundled,
+    plain_scalar,
+    read_yaml,
+    yaml_from_text,
+    yaml_text,
+)
 
 
 @dataclass(frozen=True)
@@ -227,6 +235,28 @@ class Study:
         """A section as plain data that may be changed, as the makers take it."""
         part: Any = getattr(self, _ATTRIBUTE.get(section, section))
         return copy.deepcopy(part) if isinstance(part, str | Mapping) else dataclasses.asdict(part)
+
+    def with_own_text(self) -> Study:
+        """Return this study with a text that says what it is, for a study that was changed after it was read.
+
+        The text of an unchanged study stays as it was written, comments and all.
+        """
+        try:
+            if study_from_text(self.text, self.path) == self:
+                return self
+        except StudyError:  # a text that is not of a study
+            pass
+        sections = {section: self._plain(section) for section in _MAKERS}
+        pilot = sections["pilot"]
+        sections["pilot"] = {
+            key: value
+            for key, value in pilot.items()
+            if applies(f"pilot.{key}", self.pilot.model) and (value is not None or key != "reflex")
+        }
+        if not applies("cockpit", self.pilot.model):
+            del sections["cockpit"]
+        text = f"# {self.path or 'a study'}, changed\n" + yaml_text(sections)
+        return dataclasses.replace(self, text=text, lines=dict(yaml_from_text(text, self.path).lines))
 
     def canonical(self) -> str:
         """Return all that determines an evaluation besides the pilot's values, as JSON with sorted keys.

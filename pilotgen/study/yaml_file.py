@@ -10,6 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import errno
+import json
 import re
 import stat
 from collections.abc import Iterator, Mapping
@@ -168,7 +169,7 @@ def _diagnosis(text: str, line: int) -> tuple[int, str]:
             closing = {"[": "]", "{": "}"}[bracket]
             return (
                 line,
-                f"not valid YAML: the {bracket!r} of line {at} is not closed; add {closing!r}, or a comma before",
+                f"not valid YAML: the {bracket!r} of line {at} is not closed; add {closing!r}",
             )
         return line, f"not valid YAML: the {bracket!r} of line {at} closes nothing; remove it, or add what it closes"
     if len(re.findall(r":(?=\s|$)", here)) > 1 and not re.search(r"[\[{]", here):
@@ -282,6 +283,28 @@ def plain_scalar(text: str) -> str | int | float | bool | None:
     if text in (".nan", ".NaN", ".NAN"):
         return float("nan")
     return text
+
+
+def yaml_text(data: Mapping[str, Any], indent: str = "") -> str:
+    """Return nested mappings of plain data as YAML that `yaml_from_text` reads back to the last digit."""
+    text = ""
+    for key, value in data.items():
+        if isinstance(value, Mapping) and value:
+            text += f"{indent}{_inline(key)}:\n{yaml_text(value, indent + '  ')}"
+        else:
+            text += f"{indent}{_inline(key)}: {_inline(value)}\n"
+    return text
+
+
+def _inline(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_inline(entry) for entry in value)}]"
+    if isinstance(value, str):
+        plain = re.fullmatch(r"[A-Za-z][A-Za-z0-9_./-]*(\[[0-9]+\])?", value) and plain_scalar(value) == value
+        return value if plain and "[" not in value else json.dumps(value, ensure_ascii=False)
+    return json.dumps(value) if isinstance(value, bool | int | None) else repr(float(value))
 
 
 def _line(event: yaml.Event) -> int:

@@ -34,7 +34,7 @@ FITTED, PREDICTED = "mesomorphic", "ectomorphic"
 POSITION = "position"
 START = Reflex(2.0, 0.15)  # where the root finder starts; any stable pilot will do
 GAIN_TOLERANCE = 1e-10  # of the root finder, relative
-LARGEST_GAIN = 50.0  # as study files allow (docs/io_formats/study.md); far beyond any reflex
+LARGEST_GAIN = 50.0  # the limit of study files; far beyond any reflex
 TARGET_TOLERANCE = 1e-8  # that frequency (relative) and damping must reach
 HIGH_FREQUENCY_HZ = 1e3  # where springs and dampers of an arm no longer count, only its mass
 # steps of the biometrics for the sensitivities: about what "estimated" may be wrong by

@@ -6,18 +6,27 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import dataclasses
+import json
+import re
+import shlex
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from study_texts import MAYO, MULTIBODY, changed, message_of
 
+import pilotgen as pg
 from pilotgen.anthropometry.biometrics import Biometrics
 from pilotgen.anthropometry.body import make_body
-from pilotgen.errors import StudyError
+from pilotgen.cli import main
+from pilotgen.errors import PilotgenError, StudyError
 from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.runs.batch import replay_command
+from pilotgen.runs.results import read_results
 from pilotgen.search.problem import Problem
 from pilotgen.study.fields import Vector
-from pilotgen.study.schema import SCHEMA, applies, field_of, locate, names, unit_of
+from pilotgen.study.schema import SCHEMA, applies, field_of, locate, names, study_unit
 from pilotgen.study.study import Study, calibrated_gains, study_from_text
 
 STUDY = study_from_text(MULTIBODY, "s.yaml")
@@ -56,7 +65,7 @@ def test_every_number_can_be_changed_and_nothing_else_changes(study: Study, name
 def test_names_are_short_for_the_pilots_own_values_and_paths_for_the_rest() -> None:
     assert locate("stature_m") == locate("nominal.stature_m") == ("nominal.stature_m", None)
     assert locate("cockpit.lever.grip_m[1]") == ("cockpit.collective.grip_m", 1)
-    assert unit_of("cockpit.lever.inertia_kg_m2") == "kg m^2" and unit_of("no such") == ""
+    assert study_unit("cockpit.lever.inertia_kg_m2") == "kg m^2" and study_unit("no such") == ""
     assert "rotorcraft.mass_kg" in names("mayo", numeric=True) and "mass_kg" not in names("mayo")
     assert "pilot.task" not in names("multibody", numeric=True) and "search.population" not in names(numeric=True)
     for path, row in SCHEMA.items():
@@ -129,8 +138,8 @@ def test_a_search_varies_any_number() -> None:
 @pytest.mark.parametrize(
     ("box", "message"),
     [
-        ("{pilot.task: [1, 2]}", "s.yaml:12: search.variables.pilot.task = [1, 2] is nothing that a search can vary"),
-        ("{search.seed: [1, 2]}", "s.yaml:12: search.variables.search.seed = [1, 2] is nothing that a search can vary"),
+        ("{pilot.task: [1, 2]}", "s.yaml:12: search.variables.pilot.task = [1, 2] is nothing that can vary"),
+        ("{search.seed: [1, 2]}", "s.yaml:12: search.variables.search.seed = [1, 2] is nothing that can vary"),
         ("{gearing: [1, 2]}", "s.yaml:12: search.variables.gearing: 'gearing' is not a number or word of a study; "),
         ("{rotorcraft.mass_kg: [1, 2]}", "s.yaml:12: search.variables.rotorcraft.mass_kg[0] = 1 is outside 100 to "),
         ("{stature_m: [1,55, 2,00]}", "s.yaml:12: search.variables.stature_m = [1, 55, 2, 0] must be a list of two "
@@ -200,3 +209,66 @@ def test_a_corner_of_the_box_that_holds_no_rotorcraft_is_a_failed_pilot() -> Non
         outcome = evaluate(context, MAYO_STUDY.values({"rotorcraft.mass_kg": 100.0}))
     assert isinstance(outcome, FailedEvaluation) and outcome.stage == "study"
     assert "blades weigh more than the whole rotorcraft" in outcome.reason
+
+
+@pytest.mark.parametrize("study", [STUDY, MAYO_STUDY], ids=["multibody", "mayo"])
+def test_a_changed_study_can_be_written_down(study: Study) -> None:
+    assert study.with_own_text() is study
+    changes = {"rotorcraft.mass_kg": 6543.21, "pilot.washout_rad_s": None, "search.population": 20, "study": "1e3"}
+    if study is STUDY:
+        changes |= {"pilot.limbs": ["left", "right"], "cockpit.lever.grip_m[1]": 0.1 + 0.2}
+        changes |= {"pilot.reflex.derivative_gain": 1e-7}
+    changed_study, _ = study.with_values(changes)
+    written = changed_study.with_own_text()
+    again = study_from_text(written.text, written.path)
+    assert again == written and dataclasses.replace(again, text=study.text) == changed_study
+    assert written.with_own_text() is written and again.canonical() == changed_study.canonical()
+
+
+def test_the_python_door_takes_any_number(tmp_path: Path) -> None:
+    pilot = pg.evaluate(MAYO_STUDY, {"inceptor.gearing_rad_per_m": 0.55})
+    whole = pg.evaluate(MAYO_STUDY)
+    # half the gearing is half the loop gain: 20 log10 2 more gain margin
+    assert pilot.margins.gain_margin_db - whole.margins.gain_margin_db == pytest.approx(6.0206, abs=1e-4)
+    with pytest.raises(StudyError, match="did you mean 'inceptor.gearing_rad_per_m'"):
+        pg.evaluate(MAYO_STUDY, {"gearing": 0.55})
+    with pytest.raises(PilotgenError, match=r"rotorcraft is not a number; change it in the study"):
+        pg.evaluate_many(MAYO_STUDY, [{"rotorcraft": "iar330-puma"}])
+
+
+def test_search_over_paths_from_study_to_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    box = "{pilot_frequency_hz: [2.5, 4], inceptor.gearing_rad_per_m: [0.8, 1.4], rotorcraft.blades: [3, 5]}"
+    file = tmp_path / "s.yaml"
+    file.write_text(changed("{pilot_frequency_hz: [2.5, 4.0]}", box, MAYO))
+    out = tmp_path / "out"
+    assert main(["search", str(file), "-o", str(out), "--workers", "1", "--quiet"]) == 0
+    assert "inceptor.gearing_rad_per_m" in capsys.readouterr().out
+    results = read_results(out / "study.h5")
+    assert results.names == ("pilot_frequency_hz", "inceptor.gearing_rad_per_m", "rotorcraft.blades")
+    assert set(results.columns["inputs"][:, 2]) <= {3.0, 4.0, 5.0} and (results.columns["status"] == "ok").all()
+    report = (out / "report.html").read_text()
+    command = re.search(r"pilotgen pilot study.yaml -o replay --set ([^<]*)", report)
+    assert command is not None and "inceptor.gearing_rad_per_m=" in command[1]
+    worst = int(np.argmin(results.columns["gain_margin_db"]))
+    values = dict(zip(results.names, results.columns["inputs"][worst].tolist(), strict=True))
+    line = replay_command(str(file), values, directory=str(tmp_path / "again"))
+    assert main(shlex.split(line)[1:] + ["--no-figures"]) == 0
+    result = json.loads((tmp_path / "again" / "result.json").read_text())
+    assert result["loop"]["gain_margin_db"] == results.columns["gain_margin_db"][worst]
+    assert main(["search", str(file), "-o", str(out), "--workers", "1", "--resume", "--quiet"]) == 0
+    assert "0 failed, 0.0 s of CPU" in capsys.readouterr().out, "everything is in the journal"
+
+
+def test_set_beyond_the_box_is_noted_and_search_settings_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "s.yaml"
+    file.write_text(MAYO)
+    options = ["pilot", str(file), "--no-figures", "-o"]
+    assert main([*options, str(tmp_path / "a"), "--set", "nominal.pilot_frequency_hz=4.5"]) == 0
+    assert "note: pilot_frequency_hz = 4.5 Hz is outside the study's search box, 2.5 to 4 Hz" in capsys.readouterr().err
+    assert main([*options, str(tmp_path / "b"), "--set", "pilot_frequency_hz=3.5"]) == 0
+    assert "note" not in capsys.readouterr().err
+    assert main([*options, str(tmp_path / "c"), "--set", "search.population=8"]) == 1
+    assert "--set search.population: how a search goes means nothing for one pilot" in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()

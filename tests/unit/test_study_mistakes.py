@@ -242,6 +242,36 @@ def test_rotorcraft_mistakes_name_the_line() -> None:
     assert study.rotorcraft.rotor_speed_hz == 4.5
 
 
+def test_mistakes_are_told_together() -> None:
+    text = changed("sex: male", "sex: man")
+    text = changed(
+        "0.32", "320", changed("stature_m: 1.775", "stature_m: 1,775", changed("seed: 1", "seed: 1.5", text))
+    )
+    assert message_of(text).split("\n") == [
+        "s.yaml:3: inceptor.lever_length_m = 320 is outside 0.1 to 1 m; lengths are in metres: 320 mm is 0.32",
+        "s.yaml:6: pilot.sex = 'man' is not known; choose one of: male, female",
+        "s.yaml:10: nominal.stature_m = 1 is outside 1.3 to 2.2 m; heights are in metres: 1775 mm is 1.775",
+        "s.yaml:10: nominal.775: key '775' is not known here; is the comma before it meant as a decimal point? write "
+        "1.775, not 1,775",
+        "s.yaml:17: search.seed = 1.5 is not a whole number; one from 0 to 9223372036854775807 is wanted",
+    ]
+    many = message_of("study: test\n" + "".join(f"key{k}: 1\n" for k in range(20))).split("\n")
+    assert len(many) == 11 and many[9].startswith("s.yaml:11: key9") and many[10] == "s.yaml:12: and 15 more mistakes"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("study: test", "study: 2024", "puma-bmi; put it in quotes if that is what you mean: '2024'"),
+        ("lever_length_m: 0.32", "lever_length_m: '0,32'", "; the decimal point is a point: write 0.32"),
+        ("[1.55, 2.00]", "[1,55, 2,00]", "; is the comma meant as a decimal point? write 1.775, not 1,775"),
+        ("washout_rad_s: 3.10", "washout_rad_s: 3,10", "; the decimal point is a point: write 3.10"),
+    ],
+)
+def test_hints(old: str, new: str, message: str) -> None:
+    assert message in message_of(changed(old, new))
+
+
 @pytest.mark.parametrize("text", ["", "3", "[]", "null", "just words"])
 def test_no_mapping_at_all(text: str) -> None:
     assert message_of(text).startswith("s.yaml:1: the file is ")

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import pilotgen
 from pilotgen.errors import FileError, StudyError
-from pilotgen.study.yaml_file import MAX_BYTES, plain_scalar, read_yaml, yaml_from_text
+from pilotgen.study.yaml_file import MAX_BYTES, plain_scalar, read_yaml, yaml_from_text, yaml_text
 
 
 def test_values_and_lines() -> None:
@@ -141,3 +142,54 @@ def test_any_yaml_soup_is_read_or_refused(text: str) -> None:
         yaml_from_text(text, "f.yaml")
     except StudyError as error:
         assert str(error).startswith("f.yaml:")
+
+
+def test_links_that_lead_nowhere(tmp_path: Path) -> None:
+    loop, other = tmp_path / "loop.yaml", tmp_path / "other.yaml"
+    loop.symlink_to(other)
+    other.symlink_to(loop)
+    with pytest.raises(FileError, match="a symbolic link that leads back to itself"):
+        read_yaml(loop)
+    lost = tmp_path / "lost.yaml"
+    lost.symlink_to("gone.yaml")
+    with pytest.raises(FileError, match=r"no such file, a link to gone\.yaml, which is not there"):
+        read_yaml(lost)
+    file = tmp_path / "file"
+    file.write_text("a: 1")
+    with pytest.raises(FileError, match="no such file"):
+        read_yaml(file / "below.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a:\n  b: 1\n\t c: 2\n", "f.yaml:3: a tab stands in the indentation; YAML is indented with spaces"),
+        ("a: 1\nb: [1, 2\nc: 3\n", "f.yaml:3: not valid YAML: the '[' of line 2 is not closed; add ']'"),
+        ("a: it's\nb: {c: 1 # don't }\n", "f.yaml:3: not valid YAML: the '{' of line 2 is not closed; add '}'"),
+        ("a: ]\n", "f.yaml:1: not valid YAML: the ']' of line 1 closes nothing; remove it, or add what it closes"),
+        ("a: 1\nb: 'x\nc: 2\n", "f.yaml:2: not valid YAML: a quote opens here and is not closed; close it"),
+        ("a:\n  b: 1\n c: 2\n", "f.yaml:3: not valid YAML; check indentation, colons, quotes and brackets"),
+    ],
+)
+def test_errors_are_told_in_our_own_words(text: str, message: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        yaml_from_text(text, "f.yaml")
+    assert str(caught.value) == message
+
+
+def test_one_loader_reads_all_yaml() -> None:
+    package = Path(pilotgen.__file__).parent
+    readers = {p.relative_to(package).as_posix() for p in package.rglob("*.py") if "import yaml" in p.read_text()}
+    assert readers <= {"study/yaml_file.py", "bench/runs.py"}, "bench writes YAML"
+
+
+PLAIN = st.one_of(
+    st.none(), st.booleans(), st.integers(-(10**6), 10**6), st.floats(allow_nan=False, allow_infinity=False),
+    st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn", "Co"]), max_size=8),
+)  # fmt: skip
+KEYS = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn", "Co"]), min_size=1, max_size=8)
+
+
+@given(st.dictionaries(KEYS, st.recursive(PLAIN | st.lists(PLAIN), lambda s: st.dictionaries(KEYS, s), max_leaves=8)))
+def test_what_is_written_is_read_back(data: dict[str, object]) -> None:
+    assert (yaml_from_text(yaml_text(data), "f.yaml").value or {}) == data
