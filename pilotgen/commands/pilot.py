@@ -13,6 +13,8 @@ from typing import Any
 from pilotgen.commands import common
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES, margins_text
+from pilotgen.study.fields import setting_text
+from pilotgen.study.schema import SCHEMA
 
 WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png")
 
@@ -75,6 +77,7 @@ def summary(result: Mapping[str, Any]) -> str:
     """A few lines for a person."""
     loop = result["loop"]
     lines = []
+    own = {name: value for name, value in result["values"].items() if f"nominal.{name}" in SCHEMA}
     biometrics = result.get("biometrics")
     if biometrics:
         lines.append(
@@ -82,7 +85,10 @@ def summary(result: Mapping[str, Any]) -> str:
             f"{biometrics['mass_kg']:.1f} kg (BMI {biometrics['bmi']:.1f})"
         )
     else:
-        lines.append("pilot      " + ", ".join(f"{name} {value:g}" for name, value in result["values"].items()))
+        lines.append("pilot      " + ", ".join(f"{name} {value:g}" for name, value in own.items()))
+    others = {name: value for name, value in result["values"].items() if name not in own}
+    if others:
+        lines.append("with       " + ", ".join(f"{name} {setting_text(value)}" for name, value in others.items()))
     if "posture" in result:
         angles = ((name.removesuffix("_deg").replace("_", " "), angle) for name, angle in result["posture"].items())
         lines.append("posture    " + ", ".join(f"{joint} {angle:.0f}" for joint, angle in angles) + " deg")

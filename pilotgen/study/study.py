@@ -125,7 +125,8 @@ class Study:
     def value(self, name: str) -> Any:
         """Return the number or word that stands at a path or short name, e.g. `cockpit.collective.grip_m[0]`.
 
-        Defaults and the numbers of bundled sets (rotorcraft, cockpit, calibrated reflex gains) are filled in.
+        Defaults and the numbers of bundled sets (rotorcraft, cockpit, calibrated reflex gains) are filled in; of mass
+        and body mass index the one that is not given follows from the stature.
 
         Raises
         ------
@@ -135,11 +136,12 @@ class Study:
         path, index = _located(name, self.pilot.model, name)
         section, *keys = path.split(".")
         found = self._plain(section)
+        if section == "nominal" and keys and keys[0] in OTHER_MASS and keys[0] not in found:
+            squared = found["stature_m"] ** 2
+            found[keys[0]] = found["bmi"] * squared if keys[0] == "mass_kg" else found["mass_kg"] / squared
         for key in keys:
             if found is None and path.startswith("pilot.reflex."):
                 found = dataclasses.asdict(calibrated_gains()[self.pilot.task])
-            if not isinstance(found, dict) or key not in found:
-                raise StudyError(f"{name} is not given in this study")
             found = found[key]
         return found if index is None else found[index]
 
@@ -206,11 +208,17 @@ class Study:
 
     def _with_others(self, changes: Mapping[str, Any]) -> Study:
         trees: dict[str, Any] = {}
-        for place, data in changes.items():
+        bases: dict[str, Any] = {}  # what numbers are set on top of
+        for place, data in sorted(
+            changes.items(), key=lambda change: change[0].count(".")
+        ):  # a named set, then its parts
             path, _, index = place.partition("[")
             section, *keys = path.split(".")
             if section not in trees:
-                trees[section] = self._plain(section)
+                bases[section], trees[section] = self._plain(section), self._plain(section)
+            elif keys and isinstance(trees[section], str):
+                base = _MAKERS[section](trees[section])
+                bases[section], trees[section] = _plain(base), _plain(base)
             if not keys:
                 trees[section] = data
                 continue
@@ -223,8 +231,8 @@ class Study:
             else:
                 tree[keys[-1]] = data
         rotorcraft = trees.get("rotorcraft")
-        if isinstance(rotorcraft, dict) and rotorcraft["source"] == self.rotorcraft.source:
-            others = [key for key, number in dataclasses.asdict(self.rotorcraft).items() if number != rotorcraft[key]]
+        if isinstance(rotorcraft, dict) and rotorcraft["source"] == bases["rotorcraft"]["source"]:
+            others = [key for key, number in bases["rotorcraft"].items() if number != rotorcraft[key]]
             rotorcraft["source"] += f"; changed: {', '.join(others)}" if others else ""
         changed = {_ATTRIBUTE.get(section, section): _MAKERS[section](tree) for section, tree in trees.items()}
         study = dataclasses.replace(self, **changed)
@@ -233,8 +241,7 @@ class Study:
 
     def _plain(self, section: str) -> Any:
         """A section as plain data that may be changed, as the makers take it."""
-        part: Any = getattr(self, _ATTRIBUTE.get(section, section))
-        return copy.deepcopy(part) if isinstance(part, str | Mapping) else dataclasses.asdict(part)
+        return _plain(getattr(self, _ATTRIBUTE.get(section, section)))
 
     def with_own_text(self) -> Study:
         """Return this study with a text that says what it is, for a study that was changed after it was read.
@@ -366,9 +373,16 @@ def _checked(path: str, index: int | None, what: str, data: Any) -> Any:
     return row.check(what, list(data) if isinstance(data, tuple) else data)
 
 
+def _plain(part: Any) -> Any:
+    return copy.deepcopy(part) if isinstance(part, str | Mapping) else dataclasses.asdict(part)
+
+
 def _from_text(name: str, text: str) -> Any:
     if text.lstrip().startswith("["):
-        return yaml_from_text(text, f"--set {name}").value
+        try:
+            return yaml_from_text(text, "").value
+        except StudyError:
+            raise StudyError(f"--set {name}={text}: a list is written [a, b, c]; check brackets and commas") from None
     return plain_scalar(text.strip())
 
 

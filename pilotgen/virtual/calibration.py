@@ -134,9 +134,15 @@ def references() -> References:
 
 
 def reference_study(study: Study) -> Study:
-    """The study with the reference pilots in its seat: their sex, the left arm alone, the exact projection."""
+    """The study with the reference pilots in its seat: their sex and strength, left arm alone, exact projection."""
     pilot = dataclasses.replace(
-        study.pilot, model="multibody", sex=references().sex, limbs=("left",), projection="exact", reflex=None
+        study.pilot,
+        model="multibody",
+        sex=references().sex,
+        limbs=("left",),
+        projection="exact",
+        reflex=None,
+        strength_factor=1.0,
     )
     return dataclasses.replace(study, pilot=pilot)
 

@@ -31,6 +31,10 @@ from pilotgen.study.study import Study, calibrated_gains, study_from_text
 
 STUDY = study_from_text(MULTIBODY, "s.yaml")
 MAYO_STUDY = study_from_text(MAYO, "m.yaml")
+NUMBERS = (  # those of the bundled rotorcraft but for its mass
+    "{mass_kg: 6500, blades: 4, rotor_radius_m: 7.49, rotor_speed_hz: 4.5, lock_number: 8.7, "
+    "flap_static_moment_kg_m: 276.48, flap_inertia_kg_m2: 1339.19, flap_frequency_ratio: 1.03}"
+)
 
 
 def nearby(study: Study, name: str) -> float:
@@ -87,6 +91,22 @@ def test_a_bundled_rotorcraft_with_another_number_says_so() -> None:
     study, _ = STUDY.with_values({"rotorcraft.mass_kg": 6000, "rotorcraft.blades": 5.0})
     assert study.rotorcraft.source == STUDY.rotorcraft.source + "; changed: mass_kg, blades"
     assert study.inceptor is STUDY.inceptor and study.rotorcraft.lock_number == STUDY.rotorcraft.lock_number
+
+
+def test_a_named_set_comes_first_and_numbers_on_top_of_it() -> None:
+    own = study_from_text(changed("rotorcraft: iar330-puma", f"rotorcraft: {NUMBERS}"))
+    assert own.rotorcraft.mass_kg == 6500.0
+    study, _ = own.with_values({"rotorcraft.blades": 5, "rotorcraft": "iar330-puma", "cockpit": "helicopter"})
+    assert study.rotorcraft == dataclasses.replace(
+        STUDY.rotorcraft, blades=5, source=f"{STUDY.rotorcraft.source}; changed: blades"
+    )
+    assert study.cockpit == STUDY.cockpit
+
+
+def test_mass_and_body_mass_index_follow_from_each_other() -> None:
+    assert STUDY.value("mass_kg") == 24.0 * 1.775**2
+    heavy = study_from_text(changed("bmi: 24", "mass_kg: 80", changed("bmi: [18, 30], ", "")))
+    assert heavy.value("bmi") == 80.0 / 1.775**2 and heavy.value("nominal.mass_kg") == 80.0
 
 
 @pytest.mark.parametrize(
@@ -171,10 +191,8 @@ def test_a_pilot_with_paths_is_the_pilot_of_a_study_with_those_numbers() -> None
         before = evaluate(context, STUDY.nominal)
         outcome = evaluate(context, STUDY.values(CHANGES))
         assert evaluate(context, STUDY.nominal).result == before.result, "nothing of it stays behind"
-    text = MULTIBODY.replace("rotorcraft: iar330-puma", "rotorcraft: {mass_kg: 6500, blades: 4, rotor_radius_m: 7.49, "
-        "rotor_speed_hz: 4.5, lock_number: 8.7, flap_static_moment_kg_m: 276.48, flap_inertia_kg_m2: 1339.19, "
-        "flap_frequency_ratio: 1.03}\ncockpit: {seat: {slump_m: 0.03}, collective: {inertia_kg_m2: 0.1, "
-        "grip_m: [0.33, 0.26, -0.25]}}")  # fmt: skip
+    cockpit = "cockpit: {seat: {slump_m: 0.03}, collective: {inertia_kg_m2: 0.1, grip_m: [0.33, 0.26, -0.25]}}"
+    text = changed("rotorcraft: iar330-puma", f"rotorcraft: {NUMBERS}\n{cockpit}")
     for old, new in (
         ("gearing_rad_per_m: 1.1", "gearing_rad_per_m: 1.3"), ("task: position", "task: relax\n  strength_factor: 0.9"),
         ("3.10", "2.0"), ("stature_m: 1.775", "stature_m: 1.7"),
@@ -269,6 +287,12 @@ def test_set_beyond_the_box_is_noted_and_search_settings_are_refused(
     assert "note: pilot_frequency_hz = 4.5 Hz is outside the study's search box, 2.5 to 4 Hz" in capsys.readouterr().err
     assert main([*options, str(tmp_path / "b"), "--set", "pilot_frequency_hz=3.5"]) == 0
     assert "note" not in capsys.readouterr().err
+    words = ["rotorcraft.mass_kg=7000", "rotorcraft=iar330-puma", "pilot.washout_rad_s=null"]
+    assert main([*options, str(tmp_path / "d"), "--set", *words]) == 0
+    told = capsys.readouterr().out
+    assert "with       rotorcraft.mass_kg 7000, rotorcraft iar330-puma, pilot.washout_rad_s null\n" in told
+    assert main([*options, str(tmp_path / "c"), "--set", "cockpit.lever.grip_m=[0.3"]) == 1
+    assert "--set cockpit.lever.grip_m=[0.3: a list is written [a, b, c]" in capsys.readouterr().err
     assert main([*options, str(tmp_path / "c"), "--set", "search.population=8"]) == 1
     assert "--set search.population: how a search goes means nothing for one pilot" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
