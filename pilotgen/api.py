@@ -26,6 +26,7 @@ from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, StudyResults, columns_of, read_results, structured_array
 from pilotgen.study.schema import field_of
 from pilotgen.study.study import Study, read_study
+from pilotgen.summary import caveats
 
 if TYPE_CHECKING:
     import control
@@ -63,15 +64,18 @@ class Pilot:
         Name -> value, in the unit of its name.
     margins : Margins
         Stability margins of the loop, every crossing included.
+    caveats : tuple of str
+        What limits the result, first of all where it extrapolates.
     """
 
     values: Mapping[str, float]
     margins: Margins
+    caveats: tuple[str, ...]
     _evaluation: Evaluation = field(repr=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of result.json (docs/io_formats/result.md): plain numbers, texts, lists and dictionaries."""
-        return copy.deepcopy(self._evaluation.result)
+        """The result object (docs/io_formats/result.md) with its caveats: plain numbers, texts, lists, dictionaries."""
+        return copy.deepcopy({**self._evaluation.result, "caveats": list(self.caveats)})
 
     def feedthrough(self, washout: bool = True) -> control.StateSpace:
         """Seat acceleration [m/s^2] in, rotations of the controls [rad] and motion of the collective grip [m] out.
@@ -152,15 +156,15 @@ def evaluate(
         There is no solver, or `keep` cannot be written to.
     """
     study.with_values(values or {})  # a slip of the caller is his to know, not a pilot's failure
+    pilot = study.values(values or {})
     with EvaluationContext(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as context:
-        pilot = study.values(values or {})
         if keep is None:
             outcome = evaluate_in(context, pilot)
         else:
             with claimed(Path(keep), "evaluate", ("*.mbd", "*.h5", "*.nc")) as directory:
                 outcome = evaluate_in(context, pilot, keep=directory)
     if isinstance(outcome, Evaluation):
-        return Pilot(outcome.values, outcome.margins, outcome)
+        return Pilot(outcome.values, outcome.margins, tuple(caveats(study, outcome.result)), outcome)
     raise EvaluationError(outcome.stage, outcome.reason)
 
 

@@ -25,7 +25,7 @@ from pilotgen.anthropometry.biometrics import Biometrics, biometrics_from
 from pilotgen.anthropometry.body import Body, make_body
 from pilotgen.decks.deck import render_direct, render_posture, render_trim
 from pilotgen.errors import EvaluationError, FileError, MatrixError, SolverError, StudyError
-from pilotgen.files import write_text
+from pilotgen.files import to_json, write_text
 from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilot
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.statespace import StateSpaceModel
@@ -39,9 +39,10 @@ from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.solver.scratch import ScratchDirectory
 from pilotgen.study.study import Study
-from pilotgen.summary import bdft_summary
+from pilotgen.summary import bdft_summary, result_file
 
 POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
+RESULT_NAME = "result.json"
 DECK_NAMES = (POSTURE_DECK, TRIM_DECK, PILOT_DECK)
 
 EQUILIBRIUM_LIMIT = 1e-6  # N, N m: a larger residual is no equilibrium and its linearisation means nothing
@@ -214,6 +215,17 @@ def study_of(context: EvaluationContext, values: Mapping[str, Any]) -> tuple[Stu
         return study.with_values(values)
     except StudyError as error:
         raise EvaluationError("study", str(error)) from None
+
+
+def write_result(context: EvaluationContext, outcome: Evaluation | FailedEvaluation, directory: Path) -> dict[str, Any]:
+    """Write result.json to a directory that may hold the pilot's deck; returns its content. FileError if that fails."""
+    deck = directory / PILOT_DECK
+    solver = context.client.version() if context.mbdae is not None else "none"
+    content = result_file(
+        context.study, outcome.result, solver, deck.read_text(encoding="utf-8") if deck.is_file() else None
+    )
+    write_text(directory / RESULT_NAME, to_json(content))
+    return content
 
 
 def write_decks(context: EvaluationContext, values: Mapping[str, Any], directory: Path) -> FailedEvaluation | None:

@@ -161,6 +161,16 @@ def ranked_objectives(result: Mapping[str, Any], objectives: Sequence[str]) -> l
     return [OBJECTIVES[key].ranked(result) for key in objectives]
 
 
+def below_limits(result: Mapping[str, Any], limits: Mapping[str, float | None]) -> list[str]:
+    """What a pilot's loop lacks: instability, and every margin below its limit, as sentences; empty if nothing."""
+    lacks = [] if result["loop"]["stable"] else ["the closed loop is unstable"]
+    for key, limit in limits.items():
+        row = OBJECTIVES[key]
+        if limit is not None and row.of(result) < limit:
+            lacks.append(f"{row.label} {row.text(row.of(result))} is below {row.text(limit)}")
+    return lacks
+
+
 def margins_text(result: Mapping[str, Any], objectives: Iterable[Objective] = MARGINS) -> str:
     """`gain margin 6.42 dB at 3.78 Hz, phase margin none (no crossing of the unit circle)` of a result that is ok."""
     return ", ".join(f"{row.label} {row.text(row.of(result), result[row.section].get(row.at))}" for row in objectives)

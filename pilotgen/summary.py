@@ -1,14 +1,19 @@
-"""What of a pilot's feedthrough goes into his result: dominant mode, grip motion, certificate.
+"""What of a pilot goes into his result: dominant mode, grip motion, certificate; where he came from; what to mind.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
+from collections.abc import Mapping
 from typing import Any
 
+from pilotgen import __version__
 from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.study.schema import MAYO_PRESETS, MULTIBODY
+from pilotgen.study.study import Study
 
 GRIP_FREQUENCY_HZ = 3.0  # where grip motion is reported, as Mayo's people are (docs/validation.md)
 
@@ -33,3 +38,43 @@ def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
     omega = 2.0 * math.pi * GRIP_FREQUENCY_HZ
     rotations = ((name, abs(complex(model.response(omega, k, washout=False)))) for k, name in axes)
     return {f"{name}_3hz_mrad_per_m_s2": 1e3 * rotation for name, rotation in rotations}
+
+
+RIGID_TORSO = (
+    "the torso is rigid: the grip moves about half as much as on the people that Mayo measured, and gain margins are "
+    "some 7 dB larger than those of Mayo's pilots; compare pilots with each other rather than with a limit"
+)  # docs/validation.md, beside Mayo's people
+MEASURED_GROUPS = (
+    "Mayo measured two groups of people; between and beyond them a pilot of his form is an interpolation or a guess"
+)
+
+
+def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
+    """What limits a result, first of all where it extrapolates; sentences. Empty for a failed pilot."""
+    if result["status"] != "ok":
+        return []
+    found = [f"extrapolated: {sentence}" for sentence in result.get("extrapolated", ())]
+    if study.pilot.model == MULTIBODY:
+        if getattr(study.pilot, "torso", None) is None:
+            found.append(RIGID_TORSO)
+        if study.pilot.projection == "literal":
+            found.append("projection: literal is the paper's eq. (31), for comparison only (docs/theory/projection.md)")
+    elif {name: result["values"].get(name) for name in MAYO_PRESETS["mesomorphic"]} not in MAYO_PRESETS.values():
+        found.append(MEASURED_GROUPS)
+    return found
+
+
+def result_file(
+    study: Study, result: Mapping[str, Any], solver_version: str, deck: str | None = None
+) -> dict[str, Any]:
+    """The content of result.json: a result object, where it came from and its caveats (docs/io_formats/result.md)."""
+    return {
+        **result,
+        "caveats": caveats(study, result),
+        "provenance": {
+            "pilotgen_version": __version__,
+            "solver_version": solver_version,
+            "study_sha256": hashlib.sha256(study.text.encode()).hexdigest(),
+            "deck_sha256": None if deck is None else hashlib.sha256(deck.encode()).hexdigest(),
+        },
+    }

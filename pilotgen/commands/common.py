@@ -81,6 +81,12 @@ def add_solver(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def check_solver(args: argparse.Namespace) -> None:
+    """Refuse options of `add_solver` that would do nothing together."""
+    if args.mbdyn is not None and args.solver != "mbdyn":
+        raise StudyError("--mbdyn is for --solver mbdyn; add that, or leave --mbdyn out")
+
+
 def add_mbdae(parser: argparse.ArgumentParser) -> None:
     """Add the path of mbdae."""
     parser.add_argument(
@@ -215,6 +221,25 @@ def run_options(args: argparse.Namespace) -> RunOptions:
         args.mbdae,
         args.mbdyn,
     )
+
+
+EXIT_BELOW = 5
+
+
+def add_fail_below(parser: argparse.ArgumentParser) -> None:
+    """Add --fail-below."""
+    parser.add_argument(
+        "--fail-below",
+        action="store_true",
+        help=f"end with exit code {EXIT_BELOW} if a closed loop is unstable or has a margin below the study's limits",
+    )
+
+
+def told_below(lacks: Sequence[str]) -> int:
+    """Say what is below the study's limits on standard error; returns the exit code."""
+    for sentence in lacks:
+        print(f"pilotgen: below limits: {sentence}", file=sys.stderr)
+    return EXIT_BELOW if lacks else 0
 
 
 def failure_text(failure: FailedEvaluation, directory: Path) -> str:

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pilotgen.commands import common
-from pilotgen.files import to_json, write_text
-from pilotgen.objectives import OBJECTIVES, margins_text
+from pilotgen.files import to_json
+from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
 from pilotgen.study.fields import setting_text
 from pilotgen.study.schema import SCHEMA
 
@@ -34,6 +34,7 @@ def add_parser(commands: Any) -> None:
     common.add_output(parser)
     common.add_settings(parser)
     common.add_solver(parser)
+    common.add_fail_below(parser)
     parser.add_argument("--json", action="store_true", help="print the result object instead of the summary")
     parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
     parser.set_defaults(run=run)
@@ -44,24 +45,25 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+    from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, write_result
     from pilotgen.output import claimed
 
+    common.check_solver(args)
     study, values = common.read_pilot(args)
     with (
         EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context,
         claimed(args.output, "pilot", WRITES, overwrite=args.overwrite) as directory,
     ):
         outcome = evaluate(context, values, keep=directory)
-        write_text(directory / "result.json", to_json(outcome.result))
+        content = write_result(context, outcome, directory)
         if args.json:
-            sys.stdout.write(to_json(outcome.result))
+            sys.stdout.write(to_json(content))
         if not isinstance(outcome, Evaluation):
             print(common.failure_text(outcome, directory), file=sys.stderr)
             return 2
         outcome.pilot_model.write(directory / "pilot_model.h5")
         if not args.json:
-            print(summary(outcome.result), flush=True)
+            print(summary(content), flush=True)
         if not args.no_figures:
             from pilotgen.figures import draw_pilot
 
@@ -70,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
             kinds = ["decks", "matrices"] if study.pilot.model == "multibody" else []
             kinds += [] if args.no_figures else ["figures"]
             print(f"{', '.join([*kinds, 'pilot_model.h5'])} and result.json are in {directory}")
+        if args.fail_below:
+            return common.told_below(below_limits(content, study.limits))
     return 0
 
 
@@ -109,5 +113,5 @@ def summary(result: Mapping[str, Any]) -> str:
     )
     state = "stable" if loop["stable"] else "UNSTABLE"
     lines.append(f"loop       {state}; {margins_text(result, OBJECTIVES.values())}")
-    lines.extend(f"note       {sentence}" for sentence in result.get("extrapolated", []))
+    lines.extend(f"caveat     {sentence}" for sentence in result.get("caveats", []))
     return "\n".join(lines)

@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.results import read_results
     from pilotgen.study.study import study_from_text
 
+    common.check_solver(args)
     path = args.directory / RESULTS_NAME
     if not path.is_file():
         raise FileError(

@@ -40,6 +40,7 @@ def add_parser(commands: Any) -> None:
         help="seed (default: the study's search.seed)",
     )
     common.add_workers(parser)
+    common.add_fail_below(parser)
     common.add_solver(parser)
     parser.set_defaults(run=run)
 
@@ -71,7 +72,13 @@ def run(args: argparse.Namespace) -> int:
         finally:
             line.finish()
     print_sample(done)
-    return 0 if done.any_ok else 2
+    if not done.any_ok:
+        return 2
+    if args.fail_below:
+        from pilotgen.commands.search import below_in_study
+
+        return common.told_below(below_in_study(done.path, study.limits))
+    return 0
 
 
 def print_sample(done: Run) -> None:

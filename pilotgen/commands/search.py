@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ def add_parser(commands: Any) -> None:
     common.add_output(parser)
     common.add_workers(parser)
     common.add_solver(parser)
+    common.add_fail_below(parser)
     parser.add_argument(
         "--no-report", action="store_true", help="do not write report.html and the decks of the Pareto front"
     )
@@ -78,7 +80,17 @@ def run(args: argparse.Namespace) -> int:
         print_worst(args.study, done, options.solver)
     if incomplete is not None:
         raise incomplete
-    return 0 if done.any_ok else 2
+    if not done.any_ok:
+        return 2
+    return common.told_below(below_in_study(done.path, study.limits)) if args.fail_below else 0
+
+
+def below_in_study(path: Path, limits: Mapping[str, float | None]) -> list[str]:
+    """What pilots of study.h5 lack, and how many of them."""
+    from pilotgen.report.findings import below_limits
+    from pilotgen.runs.results import read_results
+
+    return below_limits(read_results(path), limits)
 
 
 def progress_text(progress: Progress, left: str) -> str:

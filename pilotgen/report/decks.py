@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
-from pilotgen.files import to_json, write_text
+from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate, write_result
 from pilotgen.objectives import GAIN_MARGIN, MARGINS
 from pilotgen.report.findings import distinct, worst_order
 from pilotgen.runs.batch import RESULTS_NAME
@@ -80,7 +79,7 @@ def write_front_decks(
             place.mkdir(parents=True)
             inputs = zip(results.names, results.columns["inputs"][index].tolist(), strict=True)
             outcome = evaluate(context, context.study.values(dict(inputs)), keep=place)
-            write_text(place / "result.json", to_json(outcome.result))
+            write_result(context, outcome, place)
             problems += _problems(place.name, outcome, results, index)
         if target.exists():
             os.replace(target, old)

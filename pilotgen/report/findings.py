@@ -100,38 +100,59 @@ def verdict(results: StudyResults, worst: int, rotorcraft: str) -> str:
     )
 
 
-def rule_of_thumb(results: StudyResults, worst: int) -> list[str]:
-    """How far the worst pilot is from 6 dB and 60 deg, and how many pilots are."""
+def how_far(results: StudyResults, worst: int, limits: Mapping[str, float | None]) -> list[str]:
+    """How far the worst pilot is from the study's limits, and how many pilots miss them."""
     sentences = []
-    for row in MARGINS:
-        value, wanted = float(results.columns[row.key][worst]), row.limit or 0.0
-        unit, digits = typeset(f" {row.unit}"), row.digits
+    for row in OBJECTIVES.values():
+        wanted = limits.get(row.key)
+        if wanted is None:
+            continue
+        value = float(results.columns[row.key][worst])
+        told = typeset(row.text(wanted))
         if math.isinf(value) and value > 0.0:
             text = "the worst pilot's loop has no crossing, so the margin is infinite."
         elif math.isinf(value):
             text = "the worst pilot's closed loop is unstable, and its loop has no crossing to measure from."
         elif value < wanted:
-            text = f"the worst pilot misses {wanted:g}{unit} by {number(wanted - value, digits)}{unit}."
+            text = f"the worst pilot misses {told} by {typeset(row.text(wanted - value))}."
         else:
-            text = f"even the worst pilot keeps {wanted:g}{unit}, with {number(value - wanted, digits)}{unit} to spare."
+            text = f"the model's worst pilot is {typeset(row.text(value - wanted))} above {told}."
         sentences.append(f"{row.label.capitalize()}: {text}")
-    return sentences + _shares(results)
+    return sentences + _shares(results, limits)
 
 
-def _shares(results: StudyResults) -> list[str]:
-    """How many pilots of the first population, which covers the box evenly, miss the rule."""
+def _shares(results: StudyResults, limits: Mapping[str, float | None]) -> list[str]:
+    """How many pilots of the first population, which covers the box evenly, miss the limits."""
     columns = results.columns
     rows = results.members[0] if len(results.members) else np.arange(len(columns["status"]))
     rows = rows[columns["status"][rows] == "ok"]
     if not len(rows):
         return []
-    counts = [int((columns[row.key][rows] < (row.limit or 0.0)).sum()) for row in MARGINS]
-    unstable = int((columns["stable"][rows] == 0).sum())
-    who = "first population, spread evenly over the box" if len(results.members) else "sample"
-    return [
-        f"Of the {len(rows)} evaluated pilots of the {who}, {counts[0]} have less than 6 dB, "
-        f"{counts[1]} less than 60°, and {unstable} make the closed loop unstable."
+    counts = [
+        f"{int((columns[key][rows] < limit).sum())} have less than {typeset(OBJECTIVES[key].text(limit))}"
+        for key, limit in limits.items()
+        if limit is not None
     ]
+    counts.append(f"{int((columns['stable'][rows] == 0).sum())} make the closed loop unstable")
+    who = "first population, spread evenly over the box" if len(results.members) else "sample"
+    return [f"Of the {len(rows)} evaluated pilots of the {who}, {', '.join(counts)}."]
+
+
+def below_limits(results: StudyResults, limits: Mapping[str, float | None]) -> list[str]:
+    """What pilots lack, and how many of them, in sentences for a terminal; empty if nothing."""
+    columns = results.columns
+    unstable = int((columns["stable"] == 0).sum())
+    found = [f"{unstable} of {len(columns['stable'])} pilots make the closed loop unstable"] if unstable else []
+    for key, limit in limits.items():
+        if limit is None:
+            continue
+        below = int((columns[key] < limit).sum())
+        if below:
+            row, smallest = OBJECTIVES[key], float(np.nanmin(columns[key]))
+            found.append(
+                f"{below} pilots have a {row.label} below {row.text(limit)}; the smallest is {row.text(smallest)}"
+            )
+    return found
 
 
 @dataclass(frozen=True)

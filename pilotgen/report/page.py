@@ -23,6 +23,7 @@ from pilotgen.report import findings
 from pilotgen.report.findings import number, replay
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import Study
+from pilotgen.summary import caveats
 
 if TYPE_CHECKING:
     import jinja2
@@ -92,13 +93,14 @@ def render(
         "extrapolations": None if rows is None else findings.extrapolations(rows),
         "worst": worst,
         "problems": problems,
+        "caveats": _caveats(study, rows, worst, repeated),
         "objectives": ", ".join(quantity(name).name for name in results.objective_names),
     }
     if worst is not None:
         content |= {
             "verdict": findings.verdict(results, worst, study.rotorcraft.name),
             "nominal": _nominal_sentence(study, repeated),
-            "rule": findings.rule_of_thumb(results, worst),
+            "rule": findings.how_far(results, worst, study.limits),
             "bounds": [bound.sentence for bound in findings.bounds_met(results, worst, front)],
             "unfinished": findings.worse_on_curves(results, worst, repeated.curves) if repeated else "",
             "no_phase": PHASE_MARGIN.key not in study_figures.shown_margins(results),
@@ -250,6 +252,17 @@ def _nominal_sentence(study: Study, repeated: Repeated | None) -> str | None:
     state = "stable" if loop["stable"] else "UNSTABLE"
     told = typeset(margins_text(repeated.nominal.result))
     return f"For comparison, the nominal pilot ({values}): {state}, {told}."
+
+
+def _caveats(
+    study: Study, rows: Sequence[Mapping[str, Any]] | None, worst: int | None, repeated: Repeated | None
+) -> list[str]:
+    """What limits the worst pilot's result."""
+    if worst is None:
+        return []
+    if rows is not None:
+        return caveats(study, rows[worst])
+    return caveats(study, repeated.worst.result) if repeated else []
 
 
 def _front_ranges(results: StudyResults, front: np.ndarray) -> str | None:

@@ -352,6 +352,21 @@ SCHEMA: Mapping[str, Field] = {
         hint="a fraction: 90 % is 0.90; write null to run all generations",
         meaning="stop when so many of the population are rank one; null to run all generations",
     ),
+    # ---- limits: what reports and --fail-below hold margins against
+    "limits": Section(default=None, null=True, meaning="margins that a robust loop keeps"),
+    **{
+        f"limits.{row.key}": Number(
+            0.0,
+            row.cap if math.isfinite(row.cap) else 1.0,
+            row.unit,
+            default=row.limit,
+            null=True,
+            hint="write null for no limit",
+            meaning=f"smallest {row.label} wanted; null for no limit",
+        )
+        for row in OBJECTIVES.values()
+        if row.worse == "smaller"
+    },
 }
 
 ALIASES: Mapping[str, str] = {"cockpit.lever": "cockpit.collective"}  # a path may start with either
@@ -362,7 +377,7 @@ PILOT_VALUES: Mapping[str, tuple[str, ...]] = {  # the pilot's own values, known
 }  # fmt: skip
 OTHER_MASS: Mapping[str, str] = {"mass_kg": "bmi", "bmi": "mass_kg"}  # of these two exactly one
 
-SECTIONS_OF_A_RUN = ("study", "search")  # keys that say what to do, not what is evaluated
+SECTIONS_OF_A_RUN = ("study", "search", "limits")  # keys that say what to do, not what is evaluated
 
 
 @cache
@@ -436,7 +451,7 @@ def names(model: str = "", numeric: bool = False) -> tuple[str, ...]:
     for path, row in SCHEMA.items():
         if (model and not applies(path, model)) or isinstance(row, Section | Bounds):
             continue
-        if numeric and path.startswith("search."):
+        if numeric and path.partition(".")[0] in SECTIONS_OF_A_RUN:
             continue
         if numeric and isinstance(row, Vector):
             found += [f"{path}[{k}]" for k in range(row.size)]

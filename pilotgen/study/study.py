@@ -103,6 +103,7 @@ class Study:
     cockpit: CockpitNumbers
     nominal: dict[str, float]  # a value for every variable of the pilot model
     search: SearchSettings
+    limits: dict[str, float | None]  # objective -> what a robust loop keeps; None: no limit
     text: str = field(repr=False)  # the file's text
     path: str = ""  # what messages call the file
     lines: dict[KeyPath, int] = field(default_factory=dict, repr=False, compare=False)
@@ -425,6 +426,7 @@ _MAKERS: Mapping[str, Callable[[Any], Any]] = {
     "cockpit": cockpit_from,
     "nominal": _nominal,
     "search": _search,
+    "limits": lambda data: {**defaults("limits"), **(data or {})},
 }
 _ATTRIBUTE = {"study": "name"}  # where the attribute of `Study` is not called as the key
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
 import shlex
@@ -352,3 +354,52 @@ def test_a_front_that_cannot_be_left_is_no_success(run: Run, tmp_path: Path, mon
     report = tmp_path / "out" / "report.html"
     assert err == f"pilotgen: incomplete: {report} is written, but front/01 failed at solver: mbdae is gone\n"
     assert "front/01 failed at solver" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_fail_below_the_limits_of_the_study(run: Run, tmp_path: Path) -> None:
+    study = changed(tmp_path, "population: 100", "population: 8", MAYO)
+    options = ("--workers", "1", "--quiet", "--no-report", "--fail-below")
+    code, out, err = run("search", study, "-o", tmp_path / "search", *options)
+    assert code == 5 and "worst pilots" in out
+    assert re.search(r"pilotgen: below limits: [0-9]+ pilots have a gain margin below 6.00 dB; the smallest is ", err)
+    study.write_text(study.read_text() + "\nlimits: {gain_margin_db: 0.5, phase_margin_deg: null}\n")
+    pilot = ("pilot", study, "--no-figures", "--fail-below", "-o")
+    assert run(*pilot, tmp_path / "stable")[::2] == (0, "")
+    shaky = ("pilot_frequency_hz=2.5", "pilot_damping=0.2", "pilot_time_constant_s=0.06")
+    code, _, err = run(*pilot, tmp_path / "unstable", "--set", *shaky)
+    assert code == 5
+    assert err.splitlines() == [
+        "pilotgen: below limits: the closed loop is unstable",
+        "pilotgen: below limits: gain margin -4.50 dB is below 0.50 dB",
+    ]
+    result = json.loads((tmp_path / "unstable" / "result.json").read_text())
+    assert result["provenance"]["solver_version"] == "none" and result["provenance"]["deck_sha256"] is None
+    assert result["provenance"]["study_sha256"] == hashlib.sha256(study.read_bytes()).hexdigest()
+    assert any("Mayo measured two groups" in sentence for sentence in result["caveats"])
+
+
+def test_result_of_a_body_says_what_to_mind(run: Run, tmp_path: Path) -> None:
+    code, out, _ = run("pilot", QUICK, "-o", tmp_path / "out", "--no-figures", "--json", "--set", "age_years=65")
+    assert code == 0
+    result = json.loads(out)
+    assert result == json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["caveats"][0].startswith("extrapolated: age 65 years is outside")
+    assert any("some 7 dB larger" in sentence for sentence in result["caveats"])
+    deck = (tmp_path / "out" / "pilot.mbd").read_bytes()
+    assert result["provenance"]["deck_sha256"] == hashlib.sha256(deck).hexdigest()
+    assert result["provenance"]["solver_version"].startswith("mbdae ")
+
+
+@pytest.mark.parametrize(
+    ("options", "pattern"),
+    [
+        (["--scheduler", "tcp://host:8786"], "--scheduler is for --executor dask"),
+        (["--executor", "dask", "--scheduler", "tcp://host:8786", "--workers", "2"], "--workers does nothing"),
+        (["--retry-failed"], "--retry-failed is for --resume"),
+        (["--mbdyn", "/usr/bin/mbdyn"], "--mbdyn is for --solver mbdyn"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(run: Run, tmp_path: Path, options: list[str], pattern: str) -> None:
+    for command in (["search"], ["sample", "-n", "8"]):
+        refused(run(*command, MAYO, "-o", tmp_path / "out", *options), pattern)
+    assert not (tmp_path / "out").exists()

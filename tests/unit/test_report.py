@@ -124,11 +124,11 @@ def test_headline_names_the_worst_pilot_and_margins(made):
     assert "phase margin none (no crossing of the unit circle)" in page.text
 
 
-def test_distance_to_the_rule_of_thumb(made):
+def test_distance_to_the_limits(made):
     _, results, page = made
     worst = int(findings.worst_order(results)[0])
     short = 6.0 - results.columns["gain_margin_db"][worst]
-    assert f"the worst pilot misses 6 dB by {short:.2f} dB" in page.text
+    assert f"the worst pilot misses 6.00 dB by {short:.2f} dB" in page.text
 
 
 def test_worst_ten_are_in_order_with_commands_that_mean_the_same_pilot(made):
@@ -341,7 +341,7 @@ def test_infinite_margins_of_the_worst_pilot(made):
     _, results, _ = made
     gain = results.columns["gain_margin_db"].copy()
     gain[:] = np.inf
-    sentences = findings.rule_of_thumb(replaced(results, gain_margin_db=gain), 0)
+    sentences = findings.how_far(replaced(results, gain_margin_db=gain), 0, {"gain_margin_db": 6.0})
     assert sentences[0] == "Gain margin: the worst pilot's loop has no crossing, so the margin is infinite."
 
 
@@ -402,3 +402,24 @@ def test_the_order_of_a_front_adds_the_capped_margins(tmp_path: Path) -> None:
 def test_trends_are_called_by_their_strength(correlation: float, words: str) -> None:
     trend = findings.Trend("stature_m", {"gain_margin_db": correlation, "phase_margin_deg": 0.0})
     assert words in trend.sentence
+
+
+def test_who_is_below_the_limits(made):
+    _, results, _ = made
+    columns = {
+        **results.columns,
+        "gain_margin_db": np.linspace(1.0, 24.0, 24),
+        "phase_margin_deg": np.full(24, np.inf),
+        "stable": np.array([0] + [1] * 23),
+    }
+    changed = replaced(results, **columns)
+    limits = {"gain_margin_db": 4.5, "phase_margin_deg": 60.0, "modulus_margin": None}
+    assert findings.below_limits(changed, limits) == [
+        "1 of 24 pilots make the closed loop unstable",
+        "4 pilots have a gain margin below 4.50 dB; the smallest is 1.00 dB",
+    ]
+    assert findings.how_far(changed, 23, limits)[0] == "Gain margin: the model's worst pilot is 19.50 dB above 4.50 dB."
+    assert findings.how_far(changed, 0, limits)[0] == "Gain margin: the worst pilot misses 4.50 dB by 3.50 dB."
+    assert findings.how_far(changed, 0, limits)[-1].endswith(
+        "3 have less than 4.50 dB, 0 have less than 60.0°, 1 make the closed loop unstable."
+    )
