@@ -46,8 +46,8 @@ EXIT_INTERNAL = 70
 
 EXIT_CODES: Mapping[int, str] = {  # the same table stands in docs/exit_codes.md
     0: "done as asked",
-    1: "wrong command line or input, or a file or directory that cannot be used",
-    2: "the pilot, or every pilot of the study, could not be evaluated; more failures than --max-failures",
+    1: "wrong command line or input, an unusable file or directory, more failures than --max-failures",
+    2: "the pilot, or every pilot of the study, could not be evaluated",
     3: "`compare` found a difference, `check-mbdyn` a deck that MBDyn would not start",
     4: "done, but something that was promised could not be left (the message says what)",
     5: "`--fail-below`: a closed loop is unstable or has a margin below the study's limits",

@@ -51,6 +51,10 @@ class SolverError(EvaluationError):
         return (type(self), (self.stage, self.reason, self.died))
 
 
+class TooManyFailures(PilotgenError):
+    """The study was stopped because more pilots failed than the user allows."""
+
+
 class IncompleteOutput(PilotgenError):
     """A run came to its end, but could not leave all that it promises; what is there is sound."""
 

@@ -30,7 +30,7 @@ NOT_HASHED = ("journal.sqlite*",)  # it grows by itself, and tells by itself whe
 SHOWN = 3  # names that a message lists
 
 REPORT_FILES = ("report.html", "study.yaml", "front", "front/*")
-STUDY_FILES = ("study.h5", "journal.sqlite*", *REPORT_FILES)
+STUDY_FILES = ("study.h5", "study.h5.old-*", "journal.sqlite*", *REPORT_FILES)
 STUDY_KINDS = ("search", "sample")
 
 

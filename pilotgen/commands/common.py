@@ -242,6 +242,11 @@ def told_below(lacks: Sequence[str]) -> int:
     return EXIT_BELOW if lacks else 0
 
 
+def say(sentence: str) -> None:
+    """Tell on standard error what a user should know, though it is no mistake."""
+    print(f"pilotgen: note: {sentence}", file=sys.stderr, flush=True)
+
+
 def failure_text(failure: FailedEvaluation, directory: Path) -> str:
     """What a one-pilot command says when its pilot cannot be evaluated."""
     text = f"pilotgen: failed: {failure.stage}: {failure.reason}"

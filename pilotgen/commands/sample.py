@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 
     with claimed(args.output, "sample", STUDY_FILES, args.resume, args.overwrite) as directory:
         try:
-            done = sample_study(study, directory, args.number, args.method, args.seed, options, show)
+            done = sample_study(study, directory, args.number, args.method, args.seed, options, show, common.say)
         finally:
             line.finish()
     print_sample(done)

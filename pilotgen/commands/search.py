@@ -36,6 +36,13 @@ def add_parser(commands: Any) -> None:
     common.add_output(parser)
     common.add_workers(parser)
     common.add_solver(parser)
+    parser.add_argument(
+        "--extend",
+        metavar="N",
+        type=common.positive_int,
+        default=0,
+        help="go on with a finished search for N more generations (includes --resume)",
+    )
     common.add_fail_below(parser)
     parser.add_argument(
         "--no-report", action="store_true", help="do not write report.html and the decks of the Pareto front"
@@ -55,16 +62,18 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
+    if args.extend:
+        args.resume = True
     options = common.run_options(args)
     line = ProgressLine(study.search.population * study.search.generations, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:
         if line.due(milestone):
-            line.update(progress_text(progress, line.time_left(progress.done)), milestone)
+            line.update(progress_text(progress, line.time_left(progress.done, progress.total)), milestone)
 
     with claimed(args.output, "search", STUDY_FILES, args.resume, args.overwrite) as directory:
         try:
-            done = search_study(study, directory, options, show)
+            done = search_study(study, directory, options, show, args.extend, common.say)
         finally:
             line.finish()
         incomplete: IncompleteOutput | None = None

@@ -13,17 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pilotgen.errors import PilotgenError
+from pilotgen.errors import TooManyFailures
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.executor import WorkerLost, Workers
 from pilotgen.runs.journal import Journal, Record, evaluation_key
 from pilotgen.study.fields import setting_text
 
 RESULTS_NAME = "study.h5"
-
-
-class TooManyFailures(PilotgenError):
-    """The study was stopped because more pilots failed than the user allows."""
 
 
 @dataclass

@@ -5,6 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import ResultsWriter, Row, columns_of
-from pilotgen.runs.session import Run, open_batch, provenance
+from pilotgen.runs.session import Run, Say, open_batch, provenance
 from pilotgen.study.study import Study
 
 if TYPE_CHECKING:
@@ -34,12 +35,13 @@ def sample_study(
     seed: int | None = None,
     options: RunOptions | None = None,
     on_progress: OnProgress | None = None,
+    say: Say | None = None,
 ) -> Run:
     """Evaluate pilots spread over the study's box; memory does not grow with their number.
 
     Parameters
     ----------
-    study, directory, options, on_progress
+    study, directory, options, on_progress, say
         As of `search_study`.
     number : int
         How many pilots.
@@ -54,9 +56,11 @@ def sample_study(
         As `search_study`.
     """
     options = options or RunOptions()
-    seed = study.search.seed if seed is None else seed
+    if seed is not None:
+        study = dataclasses.replace(study, search=dataclasses.replace(study.search, seed=seed))
+    seed = study.search.seed
     progress = Progress(number)
-    with open_batch(study, directory, options, min(number, CHUNK), on_progress, progress) as batch:
+    with open_batch(study, directory, "sample", options, min(number, CHUNK), on_progress, progress, say) as batch:
         from pilotgen.search import Problem  # while the workers warm up
 
         problem = Problem.from_settings(study.search)

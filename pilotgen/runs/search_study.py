@@ -5,20 +5,28 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
+from pilotgen.errors import FileError
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
+from pilotgen.runs.journal import Journal
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, columns_of, write_results
-from pilotgen.runs.session import Run, open_batch, provenance
-from pilotgen.study.study import Study
+from pilotgen.runs.session import Run, Say, open_batch, provenance
+from pilotgen.study.study import SearchSettings, Study
 
 
 def search_study(
-    study: Study, directory: Path, options: RunOptions | None = None, on_progress: OnProgress | None = None
+    study: Study,
+    directory: Path,
+    options: RunOptions | None = None,
+    on_progress: OnProgress | None = None,
+    extend: int = 0,
+    say: Say | None = None,
 ) -> Run:
     """Breed the worst pilots of a study; evaluations go to the journal as they finish, study.h5 is written at the end.
 
@@ -32,6 +40,10 @@ def search_study(
         Workers, solver, limits.
     on_progress : callable, optional
         (Progress, milestone) after every evaluation and, as a milestone, after every generation.
+    extend : int
+        Generations beyond those that the directory's search was last to have.
+    say : callable, optional
+        Takes what the user should know, one sentence at a time; by default it is a warning.
 
     Raises
     ------
@@ -42,9 +54,11 @@ def search_study(
     """
     options = options or RunOptions()
     settings = study.search
-    progress = Progress(settings.population * settings.generations, generations=settings.generations)
+    progress = Progress()
     rows: list[Row] = []
-    with open_batch(study, directory, options, settings.population, on_progress, progress) as batch:
+    with open_batch(study, directory, "search", options, settings.population, on_progress, progress, say) as batch:
+        settings = dataclasses.replace(settings, generations=_generations(batch.journal, settings, extend))
+        progress.generations, progress.total = settings.generations, settings.generations * settings.population
         from pilotgen.search import Problem, run_search  # while the workers warm up
 
         problem = Problem.from_settings(settings)
@@ -72,4 +86,20 @@ def search_study(
             found.members,
             found.front,
         )
+        batch.journal.set_meta("generations", str(settings.generations))
+        if extend and len(found.members) < settings.generations and say is not None:
+            say(
+                f"stopped after generation {len(found.members)}, as before: the population is of rank one; "
+                "to go on, write search.stop_rank_one_fraction: null in the study"
+            )
     return Run(directory / RESULTS_NAME, progress, found.stopped_by, tuple(dict(row.result) for row in rows))
+
+
+def _generations(journal: Journal, settings: SearchSettings, extend: int) -> int:
+    """How many generations the search is to have: never fewer than it has."""
+    there = journal.get_meta("generations")
+    if extend and there is None:
+        raise FileError(
+            f"{journal.path.parent} holds no finished search to extend; finish it first, with --resume alone"
+        )
+    return max(settings.generations, int(there or 0) + extend)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import pickle
 import signal
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,13 +17,21 @@ from typing import Any
 from pilotgen import __version__
 from pilotgen.errors import FileError
 from pilotgen.progress_line import counted
-from pilotgen.runs.batch import Batch, OnProgress, Progress, as_result
+from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
+from pilotgen.runs.changes import changes, table
 from pilotgen.runs.executor import Interrupted, ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
 from pilotgen.runs.options import RunOptions
+from pilotgen.runs.results import read_results
 from pilotgen.runs.task import Task, run_task
 from pilotgen.study.study import Study
+
+Say = Callable[[str], None]  # of one sentence
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, stacklevel=2)
 
 
 @dataclass(frozen=True)
@@ -54,9 +63,18 @@ class Run:
 
 @contextmanager
 def open_batch(
-    study: Study, directory: Path, options: RunOptions, most: int, on_progress: OnProgress | None, progress: Progress
+    study: Study,
+    directory: Path,
+    kind: str,
+    options: RunOptions,
+    most: int,
+    on_progress: OnProgress | None,
+    progress: Progress,
+    say: Say | None = None,
 ) -> Iterator[Batch]:
     """Workers (no more than `most`), the directory's journal and the task of one pilot, together.
+
+    What a user should know before work starts is said by `say`, one sentence at a time; by a warning without one.
 
     Raises
     ------
@@ -66,7 +84,7 @@ def open_batch(
     print_hash = fingerprint(study, options.mbdae, options.solver)  # also finds out early that there is no solver
     workers = _make_workers(options, most)
     try:
-        with _open_journal(directory, study) as journal:
+        with _open_journal(directory, study, kind, print_hash, say or _warn) as journal:
             make_task = _task_maker(study, options, print_hash)
             batch = Batch(
                 journal,
@@ -149,20 +167,69 @@ def _make_workers(options: RunOptions, most: int) -> Workers:
     return ProcessWorkers(count)
 
 
-def _open_journal(directory: Path, study: Study) -> Journal:
+def _open_journal(directory: Path, study: Study, kind: str, print_hash: str, say: Say) -> Journal:
+    """The directory's journal, if the study may go on there; what is special about it is said.
+
+    Raises
+    ------
+    FileError
+        The directory holds a study with other evaluations.
+    """
     journal = Journal(directory / JOURNAL_NAME)
-    known = journal.get_meta("study_text")
-    if known is None:
-        journal.set_meta("study_text", study.text)
-        journal.set_meta("study_name", study.name)
-    elif known != study.text:
-        name = journal.get_meta("study_name")
+    try:
+        _go_on(directory, study, kind, print_hash, journal, say)
+    except BaseException:
         journal.close()
-        raise FileError(
-            f"{directory} holds the study {name!r} with another text than {study.path}; "
-            "choose another output directory, or give the study file it was started with"
-        )
+        raise
     return journal
+
+
+def _go_on(directory: Path, study: Study, kind: str, print_hash: str, journal: Journal, say: Say) -> None:
+    known = journal.get_meta("study_text")
+    results = directory / RESULTS_NAME
+    if known is None and results.exists():  # the journal is new or was lost
+        attributes = read_results(results).attributes
+        known = str(attributes["study_text"])
+        if attributes["kind"] != kind:
+            raise FileError(f"{results} is of a {attributes['kind']}; choose another output directory")
+        say(f"{journal.path} holds no evaluations: all pilots are evaluated again")
+    if known is not None:
+        found = changes(known, study, kind)
+        if found is None:
+            raise FileError(
+                f"{directory} holds a study of another version of pilotgen, which cannot be compared with {study.path};"
+                " choose another output directory"
+            )
+        refused = [change for change in found if change.refused]
+        if refused:
+            raise FileError(
+                f"{directory} holds a study that {study.path} differs from in what determines its evaluations:\n"
+                f"{table(refused)}\n  choose another output directory, or undo these changes"
+            )
+        for change in found:
+            say(f"{change.text} since this study was begun")
+        if any(change.path == "search.seed" for change in found) and results.exists():
+            say(f"another seed is another {kind}: study.h5 of the one before is kept as {_keep_aside(results).name}")
+    before = journal.get_meta("fingerprint")
+    if before is not None and before != print_hash and (count := len(journal)):
+        say(
+            f"{counted(count, 'recorded evaluation')} of another version of code, data or solver cannot be used: "
+            "these pilots are evaluated again"
+        )
+    for name, value in (("study_text", study.text), ("study_name", study.name), ("fingerprint", print_hash)):
+        if journal.get_meta(name) != value:
+            journal.set_meta(name, value)
+
+
+def _keep_aside(path: Path) -> Path:
+    number = 1
+    while (aside := path.with_name(f"{path.name}.old-{number}")).exists():
+        number += 1
+    try:
+        path.rename(aside)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be kept as {aside.name} ({error.strerror})") from None
+    return aside
 
 
 def provenance(study: Study, kind: str, batch: Batch, seed: int, stopped_by: str, mbdae: str | None) -> dict[str, Any]:

@@ -243,8 +243,8 @@ def test_search_end_to_end_resumed_and_served(run: Run, tmp_path: Path) -> None:
     assert code == 0
     assert "36 evaluations (36 from the journal)" in out
     assert (tmp_path / "a" / "study.h5").read_bytes() == before
-    other = changed(tmp_path, "seed: 1", "seed: 2")
-    refused(run("search", other, "-o", tmp_path / "a", "--resume"), "another text")
+    other = changed(tmp_path, "population: 12", "population: 14")
+    refused(run("search", other, "-o", tmp_path / "a", "--resume"), "differs from in what determines its evaluations")
 
 
 def test_sample_end_to_end(run: Run, tmp_path: Path) -> None:
@@ -403,3 +403,67 @@ def test_options_that_would_do_nothing_are_refused(run: Run, tmp_path: Path, opt
     for command in (["search"], ["sample", "-n", "8"]):
         refused(run(*command, MAYO, "-o", tmp_path / "out", *options), pattern)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_study_goes_on_with_what_may_change(run: Run, tmp_path: Path) -> None:
+    """Comments, names, limits, more generations: what is recorded is served; another seed keeps the old study.h5."""
+    study = changed(tmp_path, "population: 100", "population: 8", MAYO)
+    study.write_text(study.read_text().replace("generations: 30", "generations: 2"))
+    out = tmp_path / "out"
+    search = ("search", study, "-o", out, "--workers", "1", "--quiet", "--no-report")
+    assert run(*search)[0] == 0
+    text = "# a comment\n" + study.read_text().replace("study: puma-mayo", "study: renamed")
+    study.write_text(text.replace("generations: 2", "generations: 3") + "\nlimits: {gain_margin_db: 3}\n")
+    code, told, err = run(*search, "--resume")
+    assert code == 0 and "24 evaluations (16 from the journal)" in told
+    assert err.splitlines() == [
+        f"pilotgen: note: {change} since this study was begun"
+        for change in ("study 'puma-mayo' -> 'renamed'", "limits.gain_margin_db 6 -> 3", "search.generations 2 -> 3")
+    ]
+    code, told, err = run(*search, "--extend", "2")
+    assert (code, err) == (0, "") and "40 evaluations (24 from the journal)" in told
+    assert "40 evaluations (40 from the journal)" in run(*search, "--resume")[1]  # and they stay
+    other = tmp_path / "other.yaml"
+    other.write_text(study.read_text().replace("seed: 1", "seed: 2"))
+    before = (out / "study.h5").read_bytes()
+    code, _, err = run("search", other, *search[2:], "--resume")
+    assert code == 0 and "search.seed 1 -> 2" in err and "kept as study.h5.old-1" in err
+    assert (out / "study.h5.old-1").read_bytes() == before
+
+
+def test_what_may_not_change_is_told_in_a_table(run: Run, tmp_path: Path) -> None:
+    study = changed(tmp_path, "population: 100", "population: 8", MAYO)
+    out = tmp_path / "out"
+    search = ("-o", out, "--workers", "1", "--quiet")
+    assert run("sample", study, "-n", "4", *search)[0] == 0
+    other = tmp_path / "other.yaml"
+    other.write_text(
+        study.read_text().replace("gearing_rad_per_m: 1.1", "gearing_rad_per_m: 1.2").replace("2.5, 4.0", "2.5, 4.5")
+    )
+    result = run("sample", other, "-n", "8", *search, "--resume")
+    refused(result, "differs from in what determines")
+    rows = [line.split() for line in result[2].splitlines()[1:4]]
+    assert rows == [
+        ["key", "there", "now"],
+        ["inceptor.gearing_rad_per_m", "1.1", "1.2"],
+        ["search.variables.pilot_frequency_hz", "[2.5,", "4]", "[2.5,", "4.5]"],
+    ]
+    # the journal may be lost: study.h5 still tells
+    for path in out.glob("journal.sqlite*"):
+        path.unlink()
+    refused(run("sample", other, "-n", "8", *search, "--resume"), "differs from in what determines")
+    code, told, err = run("sample", study, "-n", "8", *search, "--resume")
+    assert code == 0 and "8 pilots (0 from the journal)" in told and "holds no evaluations" in err
+    refused(run("search", study, *search, "--extend", "3"), "already holds a study")
+
+
+def test_evaluations_that_cannot_be_used_are_announced(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = changed(tmp_path, "population: 100", "population: 8", MAYO)
+    sample = ("sample", study, "-n", "4", "-o", tmp_path / "out", "--workers", "1", "--quiet")
+    assert run(*sample)[0] == 0
+    monkeypatch.setattr("pilotgen.runs.session.fingerprint", lambda *_: "another program")
+    code, out, err = run(*sample, "--resume")
+    assert code == 0 and "4 pilots (0 from the journal)" in out
+    assert "note: 4 recorded evaluations of another version of code, data or solver cannot be used" in err

@@ -1,0 +1,105 @@
+"""What a study in an output directory has other than the one that is to go on there, and whether it may.
+
+What determines evaluations stays as it is, and so does the shape of study.h5; names, comments, limits, when the search
+stops and the seed may change.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pilotgen.errors import PilotgenError
+from pilotgen.study.fields import shown
+from pilotgen.study.study import Study, study_from_text
+
+SHAPES = ("variables", "objectives")  # of study.h5, whatever the kind of run
+COURSE = ("algorithm", "population", "mutation_probability")  # of a search
+FREE = ("seed", "generations", "stop_rank_one_fraction")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One key that differs."""
+
+    path: str
+    before: Any
+    now: Any
+    refused: bool
+
+    @property
+    def text(self) -> str:
+        """`search.seed 1 -> 2`."""
+        return f"{self.path} {_shown(self.before)} -> {_shown(self.now)}"
+
+
+def changes(known_text: str, study: Study, kind: str) -> list[Change] | None:
+    """What differs between the study that a directory holds and `study`; None if the former cannot be read any more.
+
+    Parameters
+    ----------
+    known_text : str
+        Text of the study that the directory was started with.
+    study : Study
+        The one that is to go on.
+    kind : str
+        "search" or "sample".
+    """
+    if known_text == study.text:
+        return []
+    try:
+        known = study_from_text(known_text, "study of the directory")
+    except PilotgenError:  # of another version of the program
+        return None
+    searched = set(known.search.variables) & set(study.search.variables)
+    before, now = (_determining(one, kind, searched) for one in (known, study))
+    found = [Change(path, before.get(path), now.get(path), True) for path in _differing(before, now)]
+    before, now = (_free(one, kind) for one in (known, study))
+    return found + [Change(path, before.get(path), now.get(path), False) for path in _differing(before, now)]
+
+
+def table(found: list[Change]) -> str:
+    """Lines of a table: key, what it was, what it is now."""
+    rows = [("key", "there", "now"), *((one.path, _shown(one.before), _shown(one.now)) for one in found)]
+    widths = [max(len(row[k]) for row in rows) for k in range(3)]
+    return "\n".join(
+        "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def _determining(study: Study, kind: str, searched: set[str]) -> dict[str, Any]:
+    """By path, what determines evaluations and the shape of study.h5."""
+    flat = _flat(json.loads(study.canonical()))
+    flat |= {f"nominal.{name}": value for name, value in study.nominal.items() if name not in searched}
+    kept = (*SHAPES, *COURSE) if kind == "search" else SHAPES
+    for name in kept:
+        value = getattr(study.search, name)
+        flat |= _flat({"search": {name: dict(value) if isinstance(value, Mapping) else value}})
+    return flat
+
+
+def _free(study: Study, kind: str) -> dict[str, Any]:
+    flat: dict[str, Any] = {"study": study.name, **{f"limits.{key}": value for key, value in study.limits.items()}}
+    names = FREE if kind == "search" else ("seed",)
+    return flat | {f"search.{name}": getattr(study.search, name) for name in names}
+
+
+def _flat(tree: Any, path: str = "") -> dict[str, Any]:
+    if not isinstance(tree, Mapping):
+        return {path: list(tree) if isinstance(tree, tuple) else tree}
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        flat |= _flat(value, f"{path}.{key}" if path else str(key))
+    return flat
+
+
+def _differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    return [path for path in {**before, **now} if before.get(path, _flat) != now.get(path, _flat)]
+
+
+def _shown(value: Any) -> str:
+    return "-" if value is None else shown(value)
