@@ -34,9 +34,10 @@ from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
-from pilotgen.solver.client import SolverClient, SolverReply, find_mbdae
+from pilotgen.solver.client import SolverClient, find_mbdae
 from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
+from pilotgen.solver.protocol import SolverReply
 from pilotgen.solver.scratch import ScratchDirectory
 from pilotgen.study.study import Study
 from pilotgen.summary import bdft_summary, result_file
@@ -288,8 +289,7 @@ def solve_pilot(
     text = render_trim(body, cockpit, posture, gains=gains, c=c)
     write(TRIM_DECK, text)
     trim_file = f"{context.scratch}/trim.h5"  # of no use after this page; the deck makes it again
-    context.ask("linearise", text, TRIM_DECK, trim_file, nodes=False)
-    trim = read_matrices(trim_file, complete=False)
+    trim = read_matrices(trim_file, context.ask("linearise", text, TRIM_DECK, trim_file, nodes=False).datasets)
     activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
 
     text = render_direct(
@@ -302,9 +302,9 @@ def solve_pilot(
 
 def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> Matrices:
     """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another."""
-    context.ask("linearise", text, name, path, nodes=False)
+    reply = context.ask("linearise", text, name, path, nodes=False)
     try:
-        matrices = read_matrices(path, complete=False)
+        matrices = read_matrices(path, reply.datasets)
     except FileError as error:
         raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {error}") from None
     if matrices.deck_sha256 != hashlib.sha256(text.encode()).hexdigest():

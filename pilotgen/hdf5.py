@@ -145,8 +145,11 @@ def opened(
     filetype: str,
     version: tuple[int, int],
     error: type[PilotgenError] = FileError,
+    advice: str = "",
 ) -> Iterator[h5py.File]:
     """Open an HDF5 file of ours to read; only reading belongs into the block.
+
+    `advice` follows the message about another version, such as "; make it again".
 
     Raises
     ------
@@ -169,7 +172,7 @@ def opened(
                 raise error(f"{name} is not a {filetype} file: its filetype is {found[:40]!r}")
             major, minor = (int(part) for part in np.atleast_1d(file.attrs.get("version", (0, 0)))[:2])
             if major != version[0]:
-                raise error(f"{name}: version {major}.{minor} of the format; this program reads {version[0]}.x")
+                raise error(f"{name}: version {major}.{minor} of the format; this program reads {version[0]}.x{advice}")
             yield file
         except PilotgenError:
             raise

@@ -163,4 +163,4 @@ def one_pilot(bench: EvaluationContext, pilot: dict[str, float], directory: Path
     deck = directory / DECK_NAMES[2]
     text = deck.read_text(encoding="utf-8")
     seconds = [bench.ask("linearise", text, DECK_NAMES[2], bench.scratch / "again.h5").seconds for _ in range(repeat)]
-    return OneShot(read_matrices(directory / "matrices.h5", complete=False).n, seconds, outcome.result, deck)
+    return OneShot(read_matrices(directory / "matrices.h5").n, seconds, outcome.result, deck)

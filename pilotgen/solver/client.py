@@ -18,23 +18,20 @@ import tempfile
 import time
 import weakref
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-import numpy as np
 import orjson
-from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, SolverError
 from pilotgen.solver.program import packaged_mbdae
+from pilotgen.solver.protocol import ProtocolError, SolverReply, excerpt, read_reply
 
 DEFAULT_TIMEOUT_S = 30.0
 """Time limit of one request [s]; a pilot's deck takes some milliseconds."""
 
 _LONGEST_REPLY_BYTES = 256 << 20
-_STATUSES = frozenset({"ok", "deck_error", "not_converged", "io_error", "bad_request", "internal_error"})
 
 
 # ---- finding -----------------------------------------------------------------------------------------------------
@@ -76,54 +73,6 @@ def named_executable(option: str | os.PathLike[str] | None, flag: str, variable:
 
 
 # ---- mbdae -------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Diagnostic:
-    """One message about a deck: file, line and column from 1 (0 = the file as a whole)."""
-
-    file: str
-    line: int
-    column: int
-    severity: str
-    message: str
-
-    def __str__(self) -> str:
-        place = f"{self.file}:{self.line}:{self.column}" if self.line > 0 else self.file
-        return f"{place}: {self.severity}: {self.message}"
-
-
-@dataclass(frozen=True)
-class NodePose:
-    """Where a node is: `position` (3,) [m] and `orientation` (3, 3) whose columns are the node's axes, both global."""
-
-    position: NDArray[np.float64]
-    orientation: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SolverReply:
-    """The solver's answer; fields as in docs/io_formats/serve.md.
-
-    `residual_norm` is in N and N m, `seconds` wall clock inside the solver, `nodes` in deck order by name.
-    """
-
-    status: str
-    exit_code: int
-    message: str
-    diagnostics: tuple[Diagnostic, ...]
-    analysis: str
-    iterations: int
-    residual_norm: float
-    seconds: float
-    counts: dict[str, int]
-    nodes: dict[str, NodePose]
-    output_path: str
-
-    @property
-    def output(self) -> Path | None:
-        """The file that was written, if any."""
-        return Path(self.output_path) if self.output_path else None
 
 
 class SolverClient:
@@ -212,10 +161,13 @@ class SolverClient:
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         try:
             answer = running.exchange(line, limit_s)
-            reply = _read_reply(answer, request_id)
+            reply = read_reply(answer, request_id)
+        except ProtocolError as error:
+            self.close()
+            raise SolverError("solver", f"protocol error of mbdae on {os.fspath(name)}: {error}") from None
         except _Lost as lost:
-            died = not (lost.timed_out or lost.nonsense)
-            raise SolverError("solver", self._describe_end(running, lost, os.fspath(name), limit_s), died) from None
+            reason = self._describe_end(running, lost, os.fspath(name), limit_s)
+            raise SolverError("solver", reason, died=not lost.timed_out) from None
         except BaseException:
             # Interrupted between request and reply: whatever comes next would answer the wrong question.
             self.close()
@@ -247,9 +199,6 @@ class SolverClient:
         if lost.timed_out:
             running.end()
             return f"mbdae did not answer on {name} within {limit_s:g} s and was stopped"
-        if lost.nonsense:
-            running.end()
-            return f"protocol error of mbdae on {name}: {lost.nonsense}"
         code = running.wait_for_end()
         lines = running.last_stderr_lines()
         running.end()
@@ -261,12 +210,11 @@ class SolverClient:
 
 
 class _Lost(Exception):
-    """The exchange failed: timed out, or the process ended, or its answer is no reply."""
+    """The exchange failed: it took too long, or the process ended."""
 
-    def __init__(self, timed_out: bool = False, nonsense: str = "") -> None:
-        super().__init__(nonsense)
+    def __init__(self, timed_out: bool = False) -> None:
+        super().__init__()
         self.timed_out = timed_out
-        self.nonsense = nonsense
 
 
 class _Running:
@@ -325,7 +273,7 @@ class _Running:
                     if b"\n" in chunk:
                         return self._one_line(b"".join(received), sent_all=not to_send)
                     if size > _LONGEST_REPLY_BYTES:
-                        raise _Lost(nonsense="a reply without end")
+                        raise ProtocolError("a reply without end")
 
     def _send(self, data: memoryview) -> memoryview:
         """What the pipe does not take yet."""
@@ -340,9 +288,9 @@ class _Running:
     def _one_line(received: bytes, sent_all: bool) -> bytes:
         line, _, rest = received.partition(b"\n")
         if rest:
-            raise _Lost(nonsense=f"more than one line in reply to one request: {_excerpt(rest)}")
+            raise ProtocolError(f"more than one line in reply to one request: {excerpt(rest)}")
         if not sent_all:
-            raise _Lost(nonsense=f"a reply before the request was complete: {_excerpt(line)}")
+            raise ProtocolError(f"a reply before the request was complete: {excerpt(line)}")
         return line
 
     def wait_for_end(self) -> int | None:
@@ -395,63 +343,3 @@ def signal_name(number: int) -> str:
         return signal.Signals(number).name
     except ValueError:
         return str(number)
-
-
-def _excerpt(data: bytes) -> str:
-    return repr(data[:80].decode(errors="replace"))
-
-
-def _read_reply(line: bytes, request_id: int) -> SolverReply:
-    """Check and convert one reply line; raises _Lost when it is not what the protocol promises."""
-    try:
-        data = orjson.loads(line)
-    except ValueError:
-        raise _Lost(nonsense=f"not JSON: {_excerpt(line)}") from None
-    if not isinstance(data, dict):
-        raise _Lost(nonsense=f"not an object: {_excerpt(line)}")
-    if data.get("id") != request_id:
-        raise _Lost(nonsense=f"reply to request {data.get('id')!r} where {request_id} was asked")
-    if data.get("status") not in _STATUSES:
-        raise _Lost(nonsense=f"unknown status {data.get('status')!r}")
-    try:
-        norm = data["residual_norm"]
-        return SolverReply(
-            status=str(data["status"]),
-            exit_code=int(data["exit_code"]),
-            message=str(data["message"]),
-            diagnostics=tuple(
-                Diagnostic(
-                    str(item["file"]),
-                    int(item["line"]),
-                    int(item["column"]),
-                    str(item["severity"]),
-                    str(item["message"]),
-                )
-                for item in data["diagnostics"]
-            ),
-            analysis=str(data["analysis"]),
-            iterations=int(data["iterations"]),
-            residual_norm=float("nan") if norm is None else float(norm),
-            seconds=float(data["seconds"]),
-            counts={str(key): int(value) for key, value in data["counts"].items()},
-            nodes=_read_poses(data["nodes"]),
-            output_path=str(data["output"]),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _Lost(nonsense=f"a reply with a missing or wrong value ({type(error).__name__}: {error})") from None
-
-
-def _read_poses(items: list[dict[str, Any]]) -> dict[str, NodePose]:
-    """Poses by name; all numbers are converted at once, which is what a search waits for."""
-    if not items:
-        return {}
-    for item in items:
-        position, orientation = item["position"], item["orientation"]
-        if len(position) != 3 or [len(row) for row in orientation] != [3, 3, 3]:
-            raise ValueError(f"pose of node {item['name']!r} has the wrong shape")
-    positions = np.array([item["position"] for item in items], dtype=np.float64).reshape(-1, 3)
-    orientations = np.array([item["orientation"] for item in items], dtype=np.float64).reshape(-1, 3, 3)
-    finite = np.isfinite(positions).all(axis=1) & np.isfinite(orientations).all(axis=(1, 2))
-    if not finite.all():
-        raise ValueError(f"pose of node {items[int(np.argmin(finite))]['name']!r} is not finite")
-    return {str(item["name"]): NodePose(positions[k], orientations[k]) for k, item in enumerate(items)}

@@ -1,7 +1,7 @@
-"""An open matrices file: its datasets and attributes, each checked for kind and finiteness.
+"""The datasets of a matrices file, each checked for kind, shape, finiteness and checksum.
 
-Files are read with the HDF5 library until two of one size have shown a common layout (`layout`); further files of that
-layout are read from their bytes.
+A file is read with h5py, or from its bytes where the solver that has just written it told where the datasets lie:
+finding them through the HDF5 library takes 2 ms of a pilot's 10.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -9,237 +9,221 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from h5py import h5a, h5d, h5f, h5s, h5t
+import orjson
 from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.solver.layout import Layout, Sample, compare, take_sample
+from pilotgen.hdf5 import opened
+
+if TYPE_CHECKING:
+    import h5py
 
 FILETYPE = "pilotgen matrices"
-VERSION = (1, 0)
-_STRING_DATASETS = {"name", "type", "unit", "kind"}
-_INTEGER_DATASETS = {"label", "first", "dofs", "owner"}
+VERSION = (2, 0)
+STRUCTURE, DECK_HASH, CHECKSUM = "structure", "deck_sha256", "checksum"
+NUMBERS = ("scalars", "J_plus", "J_minus", "g_u", "vectors", "nodes", "muscles")
+"""The datasets of numbers, in the order of the rows of `checksum` that follow that of `structure`."""
+
+Structure = Mapping[str, Any]
+"""`solver` and `analysis`, and the tables `dofs`, `inputs`, `nodes`, `joints`, `muscles` of arrays by column."""
+
+Places = Mapping[str, Sequence[int]]
+"""First byte and shape of each dataset in a file, as the solver tells them; of a text its first byte and length."""
+
+# What a column of the structure holds: texts, or whole numbers
+TABLES: Mapping[str, Mapping[str, type]] = {
+    "dofs": {"name": str, "kind": str, "owner": int, "unit": str},
+    "inputs": {"name": str, "unit": str},
+    "nodes": {"name": str, "label": int, "first": int, "dofs": int},
+    "joints": {"name": str, "label": int, "type": str, "first": int, "dofs": int},
+    "muscles": {"name": str, "label": int},
+}
 
 
-class Source(Protocol):
-    """An open file."""
-
-    path: str
-
-    def read(self, name: str) -> NDArray[Any]:
-        """Return the dataset as float64, int64 or bytes, whichever its name says, and finite."""
-
-    def attribute(self, name: str) -> str:
-        """Return the text attached to the root group."""
-
-    def close(self) -> None:
-        """Let go of the file; so does the last reference."""
+def checksum(data: bytes | NDArray[Any]) -> tuple[int, int]:
+    """Return the sum of the 64-bit words of `data` and of the words times their place from 1, both modulo 2^64."""
+    words = np.frombuffer(data, np.uint64) if isinstance(data, bytes) else data.reshape(-1).view(np.uint64)
+    return int(words.sum()), int(words @ _places_of_words(len(words)))
 
 
-class _Hdf5Source:
-    """A file opened with the HDF5 library."""
-
-    def __init__(self, file: h5f.FileID, path: str) -> None:
-        self._file, self.path = file, path
-
-    def read(self, name: str) -> NDArray[Any]:
-        with _damage_is_told(self.path):
-            return _read(self._file, self.path, name)
-
-    def attribute(self, name: str) -> str:
-        with _damage_is_told(self.path):
-            return _attribute(self._file, self.path, name)
-
-    def close(self) -> None:
-        self._file.close()
+@lru_cache(maxsize=16)
+def _places_of_words(count: int) -> NDArray[np.uint64]:
+    return np.arange(1, count + 1, dtype=np.uint64)
 
 
-class _MappedSource:
-    """The bytes of a file whose layout is known."""
+@dataclass(frozen=True)
+class Contents:
+    """What a matrices file holds, not yet checked.
 
-    def __init__(self, data: bytes, layout: Layout, path: str) -> None:
-        self._data, self._layout, self.path = data, layout, path
-
-    def read(self, name: str) -> NDArray[Any]:
-        return _finite(self._layout.read(name, self._data), self.path, name)
-
-    def attribute(self, name: str) -> str:
-        return self._layout.deck_hash(self._data) if name == "deck_sha256" else self._layout.attributes[name]
-
-    def close(self) -> None:
-        pass
-
-
-_PAIRS_TO_COMPARE = 5  # files of one size that are looked at in search of a common layout, before it is given up
-_layouts: dict[int, Layout] = {}  # by size of the file
-_samples: dict[int, Sample] = {}
-_looked_at: dict[int, int] = {}
-
-
-def open_source(path: str, datasets: Collection[str] = ()) -> Source:
-    """Open a matrices file.
-
-    Parameters
+    Attributes
     ----------
     path : str
-        The file.
-    datasets : collection of str
-        Those that will be read, if reading from bytes is wanted: a layout must have all of them. Empty: the library
-        only.
+        For messages.
+    texts : mapping of str to bytes
+        `structure` and `deck_sha256`.
+    arrays : mapping of str to ndarray
+        The datasets of numbers and `checksum`; not to be written to.
+    """
+
+    path: str
+    texts: Mapping[str, bytes]
+    arrays: Mapping[str, NDArray[Any]]
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Names and labels, checked; shared by the files of one structure, not to be written to."""
+        text = self.texts[STRUCTURE]
+        self._check_sum(STRUCTURE, 0, text)
+        try:
+            return _parse(text)
+        except ValueError as error:
+            raise MatrixError(f"{self.path}: dataset '{STRUCTURE}' {error}") from None
+
+    def numbers(self, name: str, shape: tuple[int, int]) -> NDArray[np.float64]:
+        """Return a dataset of numbers (a name of `NUMBERS`), shape, finiteness and checksum checked."""
+        value = self.arrays[name]
+        if value.shape != shape:
+            raise MatrixError(f"{self.path}: dataset '{name}' has shape {value.shape}; expected {shape}")
+        if not np.isfinite(value).all():
+            where = np.argwhere(~np.isfinite(value))[0]
+            raise MatrixError(f"{self.path}: dataset '{name}' has {value[tuple(where)]} at {list(map(int, where))}")
+        self._check_sum(name, 1 + NUMBERS.index(name), value)
+        return value
+
+    def _check_sum(self, name: str, row: int, data: bytes | NDArray[Any]) -> None:
+        sums = self.arrays[CHECKSUM]
+        if sums.shape != (1 + len(NUMBERS), 2):
+            raise MatrixError(
+                f"{self.path}: dataset '{CHECKSUM}' has shape {sums.shape}; expected ({1 + len(NUMBERS)}, 2)"
+            )
+        if (len(data) % 8 if isinstance(data, bytes) else 0) or checksum(data) != tuple(sums[row].tolist()):
+            raise _damaged(self.path, f"dataset '{name}' does not have its checksum")
+
+
+def read_at(path: str, places: Places) -> Contents:
+    """Read a file that the solver has just written, from the places that it told."""
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            data = os.read(file, os.fstat(file).st_size)
+        finally:
+            os.close(file)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
+    texts: dict[str, bytes] = {}
+    arrays: dict[str, NDArray[Any]] = {}
+    try:
+        for name, (first, *shape) in places.items():
+            if name in (STRUCTURE, DECK_HASH):
+                texts[name] = data[first : first + shape[0]]
+            else:
+                rows, columns = shape
+                dtype = np.uint64 if name == CHECKSUM else np.float64
+                arrays[name] = np.frombuffer(data, dtype, rows * columns, first).reshape(rows, columns)
+    except ValueError as error:
+        raise _damaged(path, error) from error
+    missing = {STRUCTURE, DECK_HASH, CHECKSUM, *NUMBERS} - texts.keys() - arrays.keys()
+    if missing:
+        raise MatrixError(f"{path}: the solver did not tell where dataset '{min(missing)}' is")
+    return Contents(path, texts, arrays)
+
+
+def read_file(path: str) -> Contents:
+    """Read a matrices file.
 
     Raises
     ------
     FileError
         The file does not exist or cannot be opened.
     MatrixError
-        It is no matrices file, or of another version.
+        It is no matrices file, of another version, damaged, or lacks a dataset.
     """
-    data = b""
-    if datasets:
-        with suppress(OSError):  # the library's way below says what is wrong
-            data = _content(path)
-        layout = _layouts.get(len(data))
-        if layout is not None and layout.fits(data):
-            return _MappedSource(data, layout, path)
-    file = _open(path)
-    try:
-        with _damage_is_told(path):
-            _check_stranger(file, path)
-            if data:
-                _learn(data, datasets)
-    except BaseException:
-        file.close()
-        raise
-    return _Hdf5Source(file, path)
+    with opened(path, FILETYPE, VERSION, MatrixError, "; write the file again with the mbdae of this pilotgen") as file:
+        texts = {name: _text(file, path, name) for name in (STRUCTURE, DECK_HASH)}
+        arrays = {name: _array(file, path, name) for name in (CHECKSUM, *NUMBERS)}
+    return Contents(path, texts, arrays)
 
 
-def _content(path: str) -> bytes:
-    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        return os.read(file, os.fstat(file).st_size)
-    finally:
-        os.close(file)
+# Declared sizes are believed only up to what a file of this kind can have.
+_LARGEST_BYTES = 4 << 30
 
 
-@contextmanager
-def _damage_is_told(path: str) -> Iterator[None]:
-    """What the HDF5 library finds wrong inside a file that it could open."""
-    try:
-        yield
-    except (OSError, RuntimeError) as error:  # what h5py raises for it
+def _dataset(file: h5py.File, path: str, name: str) -> h5py.Dataset:
+    import h5py
+
+    link = file.get(name, getlink=True)  # links to other files are not followed
+    found = file.get(name) if isinstance(link, h5py.HardLink) else None
+    if not isinstance(found, h5py.Dataset):
+        raise MatrixError(f"{path}: dataset '{name}' is missing")
+    if found.nbytes > _LARGEST_BYTES:
+        raise MatrixError(f"{path}: dataset '{name}' is said to have {found.nbytes} bytes; no matrices are that large")
+    return found
+
+
+def _text(file: h5py.File, path: str, name: str) -> bytes:
+    dataset = _dataset(file, path, name)
+    if dataset.dtype.kind != "S" or dataset.shape != (1,):
+        raise MatrixError(f"{path}: dataset '{name}' holds {dataset.dtype}; expected one fixed-length text")
+    return np.asarray(dataset[()]).tobytes()
+
+
+def _array(file: h5py.File, path: str, name: str) -> NDArray[Any]:
+    dataset = _dataset(file, path, name)
+    kinds, dtype, wanted = ("u", np.uint64, "64-bit words") if name == CHECKSUM else ("f", np.float64, "real numbers")
+    if dataset.dtype.kind not in kinds or dataset.ndim != 2:
         raise MatrixError(
-            f"{path} is a damaged {FILETYPE} file, or it was not written to its end ({error}); make it again"
-        ) from error
-
-
-def _learn(data: bytes, datasets: Collection[str]) -> None:
-    """Compare a file with an earlier one of its size; the first file of a size costs nothing."""
-    size = len(data)
-    _looked_at[size] = _looked_at.get(size, 0) + 1
-    if not 1 < _looked_at[size] <= 1 + _PAIRS_TO_COMPARE:
-        return
-    sample, earlier = take_sample(data), _samples.get(size)
-    layout = compare(earlier, sample) if earlier is not None and sample is not None else None
-    if sample is not None:
-        _samples[size] = sample
-    # A layout is used for what the reading below would accept: all datasets there, of the right kinds.
-    if layout is not None and all(_kind_is_right(name, layout) for name in datasets):
-        _layouts[size] = layout
-        del _samples[size]
-
-
-def _kind_is_right(name: str, layout: Layout) -> bool:
-    dataset, leaf = layout.datasets.get(name), name.rpartition("/")[2]
-    wanted = "S" if leaf in _STRING_DATASETS else "i" if leaf in _INTEGER_DATASETS else "f"
-    return dataset is not None and dataset.dtype.kind == wanted
-
-
-def _open(path: str) -> h5f.FileID:
-    try:
-        return h5f.open(os.fsencode(path), h5f.ACC_RDONLY)
-    except FileNotFoundError as error:
-        raise FileError(f"{path}: no such file; expected a matrices file written by mbdae") from error
-    except OSError as error:
-        if os.path.isdir(path) or not os.access(path, os.R_OK):
-            raise FileError(f"{path}: cannot be read; expected a matrices file written by mbdae") from error
-        message = f"{path} is not a {FILETYPE} file: it is not HDF5, or it was not written to its end"
-        raise MatrixError(message) from error
-
-
-def _check_stranger(file: h5f.FileID, path: str) -> None:
-    if not h5a.exists(file, b"filetype"):
-        raise MatrixError(f"{path} is not a {FILETYPE} file: it has no attribute 'filetype'")
-    filetype = _attribute(file, path, "filetype")
-    if filetype != FILETYPE:
-        raise MatrixError(f"{path} is not a {FILETYPE} file: its filetype is '{filetype}'")
-    version = np.atleast_1d(_attribute_value(file, path, "version"))
-    if version.shape != (2,) or version.dtype.kind not in "iu":
-        raise MatrixError(f"{path}: attribute 'version' must be two integers (major, minor)")
-    if version[0] != VERSION[0]:
-        raise MatrixError(
-            f"{path}: version {version[0]}.{version[1]} of the format; this program reads {VERSION[0]}.x; "
-            "write the file again with the mbdae of this pilotgen"
+            f"{path}: dataset '{name}' holds {dataset.dtype} in shape {dataset.shape}; expected a matrix of {wanted}"
         )
+    return np.ascontiguousarray(dataset[()], dtype=dtype)
 
 
-def _attribute_value(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
+def _damaged(path: str, reason: object) -> MatrixError:
+    return MatrixError(
+        f"{path} is a damaged {FILETYPE} file, or it was not written to its end ({reason}); make it again"
+    )
+
+
+@lru_cache(maxsize=8)  # the pilots of a study have the same structure
+def _parse(text: bytes) -> Structure:
+    """Texts and whole numbers of the structure as arrays; ValueError says what is wrong."""
     try:
-        attribute = h5a.open(file, name.encode())
-    except KeyError as error:
-        raise MatrixError(f"{path}: attribute '{name}' is missing") from error
-    stored = attribute.get_type()
-    if stored.get_class() == h5t.STRING and not stored.is_variable_str():
-        value = np.empty(attribute.shape, f"S{stored.get_size()}")
-        attribute.read(value, stored)
-    else:
-        value = np.empty(attribute.shape, attribute.dtype)
-        attribute.read(value)
-    return value
+        found = orjson.loads(text)
+    except ValueError as error:
+        raise ValueError(f"is no JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise ValueError("is no JSON object")
+    for name in ("solver", "analysis"):
+        if not isinstance(found.get(name), str):
+            raise ValueError(f"has no text '{name}'")
+    for table, columns in TABLES.items():
+        found[table] = _columns(found.get(table), table, columns)
+    return found
 
 
-def _attribute(file: h5f.FileID, path: str, name: str) -> str:
-    value = _attribute_value(file, path, name).item()
-    if isinstance(value, bytes):
-        return value.decode(errors="replace")
-    if isinstance(value, str):
-        return value
-    raise MatrixError(f"{path}: attribute '{name}' is {value!r}; expected text")
+def _columns(given: Any, table: str, columns: Mapping[str, type]) -> dict[str, NDArray[Any]]:
+    if not isinstance(given, dict):
+        raise ValueError(f"has no table '{table}'")
+    arrays: dict[str, NDArray[Any]] = {}
+    length: int | None = None
+    for name, kind in columns.items():
+        values = given.get(name)
+        if not isinstance(values, list) or not all(type(value) is kind for value in values):
+            what = "texts" if kind is str else "whole numbers"
+            raise ValueError(f"has no column '{table}/{name}' of {what}")
+        if length is not None and len(values) != length:
+            raise ValueError(f"has {len(values)} entries in column '{table}/{name}'; expected {length}")
+        length = len(values)
+        arrays[name] = _texts(values) if kind is str else np.array(values, dtype=np.int64)
+        arrays[name].flags.writeable = False
+    return arrays
 
 
-def _read(file: h5f.FileID, path: str, name: str) -> NDArray[Any]:
-    """Return the dataset as float64, int64 or bytes, whichever its name says, and finite."""
-    try:
-        dataset = h5d.open(file, name.encode())
-    except KeyError as error:
-        raise MatrixError(f"{path}: dataset '{name}' is missing") from error
-    # h5py's own search for dtypes and memory types costs more than the reading: ask HDF5 for the class, name the type
-    stored = dataset.get_type()
-    stored_class = stored.get_class()
-    leaf = name.rpartition("/")[2]
-    if leaf in _STRING_DATASETS:
-        wanted, is_right = "fixed-length text", stored_class == h5t.STRING and not stored.is_variable_str()
-        memory_type, dtype = stored, f"S{stored.get_size()}"
-    elif leaf in _INTEGER_DATASETS:
-        wanted, is_right = "integers", stored_class == h5t.INTEGER
-        memory_type, dtype = h5t.NATIVE_INT64, "i8"
-    else:
-        wanted, is_right = "real numbers", stored_class in (h5t.FLOAT, h5t.INTEGER)
-        memory_type, dtype = h5t.NATIVE_DOUBLE, "f8"
-    if not is_right:
-        raise MatrixError(f"{path}: dataset '{name}' holds {dataset.dtype}; expected {wanted}")
-    value = np.empty(dataset.get_space().get_simple_extent_dims(), dtype)
-    if value.size:
-        dataset.read(h5s.ALL, h5s.ALL, value, memory_type)
-    return _finite(value, path, name)
-
-
-def _finite(value: NDArray[Any], path: str, name: str) -> NDArray[Any]:
-    if value.dtype.kind == "f" and not np.isfinite(value).all():
-        where = np.argwhere(~np.isfinite(value))[0]
-        raise MatrixError(f"{path}: dataset '{name}' has {value[tuple(where)]} at {list(map(int, where))}")
-    return value
+def _texts(values: Sequence[str]) -> NDArray[np.bytes_]:
+    encoded = [value.encode() for value in values]
+    return np.array(encoded, dtype=f"S{max(map(len, encoded), default=1) or 1}")

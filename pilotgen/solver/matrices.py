@@ -1,8 +1,6 @@
 """Read and write matrices files: one linearised model, names included.
 
-The format is docs/io_formats/matrices.md. A search reads thousands of these files. With `complete=False` only what
-every reader needs is read at once (the matrix pair and the names of the unknowns); the state and the columns of the
-tables of nodes, joints, inputs and muscles follow when they are first asked for.
+The format is docs/io_formats/matrices.md.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -15,12 +13,26 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import h5py
 import numpy as np
+import orjson
 from numpy.typing import NDArray
 
 from pilotgen.errors import MatrixError
-from pilotgen.solver.datasets import FILETYPE, VERSION, Source, open_source
+from pilotgen.hdf5 import NewFile
+from pilotgen.solver.datasets import (
+    CHECKSUM,
+    DECK_HASH,
+    FILETYPE,
+    NUMBERS,
+    STRUCTURE,
+    TABLES,
+    VERSION,
+    Contents,
+    Places,
+    checksum,
+    read_at,
+    read_file,
+)
 from pilotgen.solver.descriptor import DescriptorModel, Floats, make_descriptor
 
 Names = NDArray[np.bytes_]
@@ -75,25 +87,8 @@ class MuscleTable:
 
 
 _VECTORS = ("y", "ydot", "residual", "equilibrium_residual")
-# dataset -> shape; None stands for the number of unknowns n, "k" for the length of the table's first column
-_TABLES: dict[str, tuple[type, dict[str, tuple[object, ...]]]] = {
-    "nodes": (
-        NodeTable,
-        {"name": ("k",), "label": ("k",), "first": ("k",), "dofs": ("k",), "position": ("k", 3),
-         "orientation": ("k", 3, 3), "velocity": ("k", 3), "angular_velocity": ("k", 3)},
-    ),
-    "joints": (JointTable, {"name": ("k",), "label": ("k",), "type": ("k",), "first": ("k",), "dofs": ("k",)}),
-    "inputs": (InputTable, {"name": ("k",), "unit": ("k",), "g_u": (None, "k")}),
-    "muscles": (
-        MuscleTable,
-        {"name": ("k",), "label": ("k",), "length": ("k",), "x": ("k",), "v": ("k",), "activation": ("k",),
-         "force": ("k",)},
-    ),
-}  # fmt: skip
-_DATASETS = (
-    *("J_plus", "J_minus", "c", "time", "dofs/name", "dofs/kind", *_VECTORS),
-    *(f"{group}/{name}" for group, (_, shapes) in _TABLES.items() for name in shapes),
-)
+_GROUPS = ("nodes", "joints", "inputs", "muscles")
+_NODE_NUMBERS, _MUSCLE_NUMBERS = 18, ("length", "x", "v", "activation", "force")
 
 
 @dataclass(frozen=True)
@@ -203,119 +198,78 @@ def descriptor(matrices: Matrices) -> DescriptorModel:
 # ---- reading
 
 
-def read_matrices(path: str | os.PathLike[str], complete: bool = True) -> Matrices:
+def read_matrices(path: str | os.PathLike[str], places: Places | None = None) -> Matrices:
     """Read a matrices file and check it.
 
     Parameters
     ----------
     path : path
         The file.
-    complete : bool
-        Read and check every table now. With False columns are read when first used, from the file as it is now, and
-        arrays are not to be written to.
+    places : Places, optional
+        Where its datasets lie, as told by the solver that has just written it. Then the file is read from its bytes,
+        tables of nodes, inputs and muscles are checked when they are first used, and arrays are not to be written to.
 
     Raises
     ------
     FileError
         The file does not exist or cannot be opened.
     MatrixError
-        It is not a matrices file, is of another version, or a dataset is missing, misshapen or not finite.
+        It is not a matrices file, is of another version, or a dataset is missing, misshapen, damaged or not finite.
     """
-    source = open_source(os.fspath(path), () if complete else _DATASETS)
-    try:
-        matrices = _core(source)
-        if complete:
-            for group in (*_VECTORS, *_TABLES):
-                matrices.__dict__[group] = _read_table(source, group, matrices.n)
-    except BaseException:
-        source.close()
-        raise
-    if complete:
-        source.close()
+    name = os.fspath(path)
+    contents = read_file(name) if places is None else read_at(name, places)
+    matrices = _core(contents)
+    if places is None:
+        for group in _GROUPS:
+            getattr(matrices, group)
     return matrices
 
 
-def _core(source: Source) -> Matrices:
-    J_plus = source.read("J_plus")
-    if J_plus.ndim != 2 or J_plus.shape[0] != J_plus.shape[1] or J_plus.shape[0] == 0:
-        raise MatrixError(f"{source.path}: dataset 'J_plus' has shape {J_plus.shape}; expected a square matrix")
-    n = J_plus.shape[0]
+def _core(file: Contents) -> Matrices:
+    dofs = file.structure["dofs"]
+    n = len(dofs["name"])
+    if n == 0:
+        raise MatrixError(f"{file.path}: table 'dofs' is empty; expected the names of the unknowns")
+    c, time = file.numbers("scalars", (1, 2))[0].tolist()
+    if not c > 0.0:
+        raise MatrixError(f"{file.path}: the coefficient c is {c:g} s; expected a positive one")
     matrices = Matrices(
-        path=source.path,
-        solver=source.attribute("solver"),
-        deck_sha256=source.attribute("deck_sha256"),
-        analysis=source.attribute("analysis"),
-        c=float(_shaped(source, "c", ())),
-        time=float(_shaped(source, "time", ())),
-        J_plus=J_plus,
-        J_minus=_shaped(source, "J_minus", (n, n)),
-        names=_shaped(source, "dofs/name", (n,)),
-        kinds=_shaped(source, "dofs/kind", (n,)),
-        _table=_SourceTables(source, n),
+        path=file.path,
+        solver=file.structure["solver"],
+        deck_sha256=file.texts[DECK_HASH].decode(errors="replace"),
+        analysis=file.structure["analysis"],
+        c=c,
+        time=time,
+        J_plus=file.numbers("J_plus", (n, n)),
+        J_minus=file.numbers("J_minus", (n, n)),
+        names=dofs["name"],
+        kinds=dofs["kind"],
+        _table=_Tables(file, n),
     )
-    if not matrices.c > 0.0:
-        raise MatrixError(f"{source.path}: dataset 'c' is {matrices.c:g} s; expected a positive coefficient")
+    columns = np.ascontiguousarray(file.numbers("vectors", (n, len(_VECTORS))).T)
+    matrices.__dict__.update(zip(_VECTORS, columns, strict=True))
     return matrices
 
 
 @dataclass(frozen=True)
-class _SourceTables:
-    """Reads a vector or table when it is asked for."""
+class _Tables:
+    """Makes a table when it is asked for."""
 
-    source: Source
+    file: Contents
     n: int
 
     def __call__(self, group: str) -> Any:
-        if group in _VECTORS:
-            return _read_table(self.source, group, self.n)
-        return _LazyTable(self.source, group, self.n)
-
-
-class _LazyTable:
-    """Stands for a table (`NodeTable`, ...): a column is read and checked when it is first used."""
-
-    def __init__(self, source: Source, group: str, n: int) -> None:
-        self._source, self._group, self._n = source, group, n
-        self._length: int | None = None
-
-    def __getattr__(self, name: str) -> Any:
-        shapes = _TABLES[self._group][1]
-        if name not in shapes:
-            raise AttributeError(f"table '{self._group}' has no column '{name}'")
-        value, self._length = _read_column(self._source, self._group, name, self._n, self._length)
-        self.__dict__[name] = value
-        return value
-
-
-def _shaped(source: Source, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    value = source.read(name)
-    if value.shape != shape:
-        raise MatrixError(f"{source.path}: dataset '{name}' has shape {value.shape}; expected {shape}")
-    return value
-
-
-def _read_table(source: Source, group: str, n: int) -> Any:
-    if group in _VECTORS:
-        return _shaped(source, group, (n,))
-    table, shapes = _TABLES[group]
-    length: int | None = None
-    columns: dict[str, NDArray[Any]] = {}
-    for name in shapes:
-        columns[name], length = _read_column(source, group, name, n, length)
-    return table(**columns)
-
-
-def _read_column(source: Source, group: str, name: str, n: int, length: int | None) -> tuple[NDArray[Any], int]:
-    """Return a column and the table's length, which the first column that is read (`length` None) decides."""
-    value = source.read(f"{group}/{name}")
-    symbolic = _TABLES[group][1][name]
-    if length is None:
-        place = symbolic.index("k")
-        length = value.shape[place] if value.ndim > place else 0
-    shape = tuple(n if size is None else length if size == "k" else size for size in symbolic)
-    if value.shape != shape:
-        raise MatrixError(f"{source.path}: dataset '{group}/{name}' has shape {value.shape}; expected {shape}")
-    return value, length
+        texts = self.file.structure[group]
+        k = len(texts["name"])
+        if group == "nodes":
+            x, R, v, w = np.split(self.file.numbers(group, (k, _NODE_NUMBERS)), (3, 12, 15), axis=1)
+            return NodeTable(**texts, position=x, orientation=R.reshape(k, 3, 3), velocity=v, angular_velocity=w)
+        if group == "joints":
+            return JointTable(**texts)
+        if group == "inputs":
+            return InputTable(**texts, g_u=self.file.numbers("g_u", (self.n, k)))
+        states = np.ascontiguousarray(self.file.numbers(group, (k, len(_MUSCLE_NUMBERS))).T)
+        return MuscleTable(**texts, **dict(zip(_MUSCLE_NUMBERS, states, strict=True)))
 
 
 # ---- writing
@@ -337,24 +291,42 @@ def write_matrices(
         (`N` for reactions).
     """
     by_kind = {b"position": b"m", b"rotation": b"rad", b"momentum": b"kg m/s", b"momenta_moment": b"kg m^2/s"}
-    with h5py.File(path, "w") as file:
-        file.attrs["filetype"] = np.bytes_(FILETYPE)
-        file.attrs["version"] = np.array(VERSION, dtype=np.int32)
-        for name in ("solver", "deck_sha256", "analysis"):
-            file.attrs[name] = np.bytes_(getattr(matrices, name))
-        for name in ("c", "time", "J_plus", "J_minus"):
-            file[name] = getattr(matrices, name)
-        file["dofs/name"] = matrices.names
-        file["dofs/kind"] = matrices.kinds
-        file["dofs/owner"] = np.zeros(matrices.n, dtype=np.int64) if owners is None else owners
-        implied = np.array([by_kind.get(bytes(kind), b"N") for kind in matrices.kinds])
-        file["dofs/unit"] = implied if units is None else units
-        for name in _VECTORS:
-            file[name] = getattr(matrices, name)
-        for group, (_, shapes) in _TABLES.items():
-            table = getattr(matrices, group)
-            for name in shapes:
-                file[f"{group}/{name}"] = getattr(table, name)
+    implied = [by_kind.get(bytes(kind), b"N") for kind in matrices.kinds]
+    tables: dict[str, dict[str, Any]] = {
+        "dofs": {
+            "name": matrices.names,
+            "kind": matrices.kinds,
+            "owner": np.zeros(matrices.n, dtype=np.int64) if owners is None else owners,
+            "unit": np.array(implied) if units is None else units,
+        }
+    }
+    tables |= {group: vars(getattr(matrices, group)) for group in _GROUPS}
+    structure: dict[str, Any] = {"solver": matrices.solver, "analysis": matrices.analysis}
+    for name, columns in TABLES.items():
+        structure[name] = {
+            column: [value.decode() if kind is str else int(value) for value in tables[name][column].tolist()]
+            for column, kind in columns.items()
+        }
+    text = orjson.dumps(structure)
+    text += b" " * (-len(text) % 8)
+    nodes, muscles = matrices.nodes, matrices.muscles
+    k = len(nodes.name)
+    numbers = {
+        "scalars": [[matrices.c, matrices.time]],
+        "J_plus": matrices.J_plus,
+        "J_minus": matrices.J_minus,
+        "g_u": matrices.inputs.g_u,
+        "vectors": np.column_stack([getattr(matrices, name) for name in _VECTORS]),
+        "nodes": np.hstack([nodes.position, nodes.orientation.reshape(k, 9), nodes.velocity, nodes.angular_velocity]),
+        "muscles": np.column_stack([getattr(muscles, name) for name in _MUSCLE_NUMBERS]),
+    }
+    values = {name: np.ascontiguousarray(numbers[name], dtype=np.float64) for name in NUMBERS}
+    with NewFile(path, FILETYPE, VERSION) as new:
+        new.file[DECK_HASH] = np.array([matrices.deck_sha256.encode()])
+        new.file[STRUCTURE] = np.array([text])
+        new.file[CHECKSUM] = np.array([checksum(text), *map(checksum, values.values())], dtype=np.uint64)
+        for name, value in values.items():
+            new.file[name] = value
 
 
 def given_tables(path: str, tables: dict[str, Any]) -> Callable[[str], Any]:

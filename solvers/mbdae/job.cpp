@@ -206,7 +206,7 @@ void analyse(const Job& job, Task task, const std::string& text, const Deck& dec
     outcome.counts = {{"unknowns", static_cast<long>(model.y.size())},
                       {"inputs", static_cast<long>(model.inputs.size())},
                       {"muscles", static_cast<long>(model.muscles.size())}};
-    if (!output.empty()) write_matrices_file(output, model, provenance());
+    if (!output.empty()) outcome.datasets = write_matrices_file(output, model, provenance());
     if (job.options.nodes) outcome.nodes = std::move(model.nodes);
   }
   outcome.output = output;

@@ -11,6 +11,7 @@
 
 #include "mbdae/dae/linearised_model.h"
 #include "mbdae/deck/reader.h"
+#include "mbdae/output/matrices_file.h"
 
 namespace mbdae {
 
@@ -77,6 +78,7 @@ struct Outcome {
   std::vector<UnknownInfo> dofs;                     ///< with JobOptions::layout
   std::vector<std::pair<std::string, long>> counts;  ///< of what the deck or the result holds, in a fixed order
   std::string output;                                ///< the file written, empty if none
+  std::vector<DatasetPlace> datasets;                ///< where they lie in a matrices file that was written
 };
 
 /// Does the job. Never throws on bad input: everything that goes wrong is told in the outcome.

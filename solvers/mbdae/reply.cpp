@@ -77,6 +77,11 @@ std::string reply_line(const Json& id, const Outcome& outcome) {
       dofs.push_back({{"name", dof.name}, {"kind", dof.kind}, {"owner", dof.owner}, {"unit", dof.unit}});
     }
   }
+  Json& datasets = rest["datasets"] = Json::object();
+  for (const DatasetPlace& place : outcome.datasets) {
+    Json& numbers = datasets[place.name] = {place.offset};
+    for (const std::uint64_t size : place.dimensions) numbers.push_back(size);
+  }
   rest["output"] = outcome.output;
 
   std::string line = dump(reply);

@@ -11,6 +11,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import h5py
@@ -53,12 +54,13 @@ class LoopCase:
         if "reactions" in self.data:
             options["state"] = str(directory / "state.h5")
             with h5py.File(options["state"], "w") as file:
-                file["y"] = self.state()
+                file["vectors"] = self.state()[:, None]
         solver.request("linearise", name=self.deck, output=output, **options)
         with h5py.File(output) as file:
-            assert float(file["c"][()]) == self.c
-            self.names = [name.decode() for name in file["dofs/name"][:]]
-            self.kinds = np.array([kind.decode() for kind in file["dofs/kind"][:]])
+            assert float(file["scalars"][0, 0]) == self.c
+            dofs = json.loads(file["structure"][0])["dofs"]
+            self.names = dofs["name"]
+            self.kinds = np.array(dofs["kind"])
             self.textbook = np.array(file["J_plus"]), np.array(file["J_minus"])
         reaction = self.kinds == "reaction"
         algebraic = reaction | (self.kinds == "algebraic")

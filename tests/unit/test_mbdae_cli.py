@@ -70,13 +70,14 @@ def test_linearised_pendulum_has_its_frequency(mbdae: Path, deck: Path) -> None:
     assert "linearise" in done.stdout and "out.h5" in done.stdout
     with h5py.File(deck.parent / "out.h5") as file:
         assert file.attrs["filetype"] == b"pilotgen matrices"
-        assert list(file.attrs["version"]) == [1, 0]
-        assert file.attrs["deck_sha256"].decode() == hashlib.sha256(deck.read_bytes()).hexdigest()
-        assert file.attrs["analysis"] == b"linearise"
-        c = file["c"][()]
+        assert list(file.attrs["version"]) == [2, 0]
+        assert file["deck_sha256"][0].decode() == hashlib.sha256(deck.read_bytes()).hexdigest()
+        structure = json.loads(file["structure"][0])
+        assert structure["analysis"] == "linearise"
+        c = file["scalars"][0, 0]
         assert c == 0.01  # parameter / 2
         plus, minus = file["J_plus"][()], file["J_minus"][()]
-        names = [name.decode() for name in file["dofs/name"][()]]
+        names = structure["dofs"]["name"]
     g_ydot, g_y = (plus + minus) / 2, (plus - minus) / (2 * c)
     assert plus.shape == (len(names), len(names))
     assert names[:3] == ["bob.x", "bob.y", "bob.z"]
@@ -129,14 +130,14 @@ def test_a_directory_as_prefix_takes_the_name_of_the_deck(mbdae: Path, deck: Pat
 def test_coefficient_and_state_are_taken_over(mbdae: Path, deck: Path) -> None:
     assert run(mbdae, deck, "-c", "0.5", "-o", "a", cwd=deck.parent).returncode == 0
     with h5py.File(deck.parent / "a.h5", "r+") as file:
-        assert file["c"][()] == 0.5
-        y = file["y"][()]
+        assert file["scalars"][0, 0] == 0.5
+        y = file["vectors"][:, 0]
         y[-1] = 7.25  # a reaction that the deck's own state does not have
-        file["y"][...] = y
+        file["vectors"][:, 0] = y
     done = run(mbdae, deck, "--state", "a.h5", "-o", "b", cwd=deck.parent)
     assert done.returncode == 0, done.stderr
     with h5py.File(deck.parent / "b.h5") as file:
-        assert file["y"][-1] == 7.25
+        assert file["vectors"][-1, 0] == 7.25
 
 
 def test_check_counts_and_layout(mbdae: Path, deck: Path) -> None:
@@ -336,7 +337,7 @@ def test_client_and_solver_speak_the_same_protocol(solver: SolverClient, tmp_pat
     )
     np.testing.assert_array_equal(reply.nodes["bob"].orientation, np.eye(3))
     with h5py.File(output) as file:
-        assert file["c"][()] == 0.25
+        assert file["scalars"][0, 0] == 0.25
     assert solver.request("linearise", deck_text=pendulum(angle_rad=0.3), nodes=False).nodes == {}
     bad = solver.request("check", deck_text="begin: data\n", name="bad.mbd", check=False)
     assert bad.status == "deck_error" and bad.diagnostics[0].file == "bad.mbd"

@@ -33,6 +33,7 @@ REPLY = {
     "seconds": 0.001,
     "counts": {"unknowns": 12},
     "nodes": [{"name": "hand_l", "label": 6, "position": [1, 2, 3], "orientation": [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}],
+    "datasets": {},
     "output": "",
 }
 

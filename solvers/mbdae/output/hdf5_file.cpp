@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <bit>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <utility>
@@ -55,9 +56,23 @@ Hdf5Handle timeless(std::int64_t property_class) {
   return properties;
 }
 
+struct PackedTexts {
+  std::size_t length;  ///< of every text
+  std::string bytes;
+};
+
+PackedTexts pack_texts(const std::vector<std::string_view>& texts) {
+  std::size_t length = 1;
+  for (const std::string_view text : texts) length = std::max(length, text.size());
+  std::string packed(length * texts.size(), '\0');
+  for (std::size_t i = 0; i < texts.size(); ++i) std::copy(texts[i].begin(), texts[i].end(), &packed[i * length]);
+  return {length, std::move(packed)};
+}
+
 Hdf5Handle create_in_memory(std::size_t expected_bytes) {
   silence_hdf5();
   const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file access");
+  H5Pset_alignment(access.id(), 1, 8);
   // One growth step for the usual file; no backing store: save() puts the image on disk.
   H5Pset_fapl_core(access.id(), std::max<std::size_t>(expected_bytes, 65536), false);
   // The 1.8 format: compact as the latest one, but without its "open for writing" mark, which stays in an image.
@@ -121,93 +136,44 @@ Hdf5Handle::Hdf5Handle(Hdf5Handle&& other) noexcept : id_(std::exchange(other.id
 // ---- groups ------------------------------------------------------------------------------------------------------
 
 Hdf5Group Hdf5Group::group(const std::string& name) {
-  const std::string prefix = prefix_ + name + "/";
-  if (record_->refilling) return {std::nullopt, *record_, prefix};
   const Hdf5Handle creation = timeless(H5P_GROUP_CREATE);
-  return {Hdf5Handle(H5Gcreate2(handle_->id(), name.c_str(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Gclose,
-                     name.c_str()),
-          *record_, prefix};
-}
-
-bool Hdf5Group::has_attribute(const std::string& name, const void* data, std::size_t bytes) {
-  if (record_->next_attribute == record_->attributes.size()) throw Hdf5StructureDiffers();
-  const Hdf5Record::Attribute& known = record_->attributes[record_->next_attribute++];
-  if (known.name != prefix_ + name || known.value.size() != bytes) throw Hdf5StructureDiffers();
-  return known.value == std::string_view(static_cast<const char*>(data), bytes);
+  return Hdf5Group(
+      {H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Gclose, name.c_str()});
 }
 
 void Hdf5Group::write_attribute(const std::string& name, std::int64_t type, std::int64_t memory_type, const void* data,
-                                std::size_t bytes, std::span<const std::uint64_t> dimensions) {
-  const std::string value(static_cast<const char*>(data), bytes);
-  if (record_->refilling) {  // the one that `has_attribute` was asked for
-    Hdf5Record::Attribute& known = record_->attributes[record_->next_attribute - 1];
-    if (!known.handle) {
-      known.handle.emplace(H5Aopen(handle_->id(), name.c_str(), H5P_DEFAULT), H5Aclose, name.c_str());
-    }
-    if (H5Awrite(known.handle->id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
-    known.value = value;
-    return;
-  }
+                                std::span<const std::uint64_t> dimensions) {
   const Hdf5Handle space = dataspace(dimensions);
-  const Hdf5Handle attribute(H5Acreate2(handle_->id(), name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT),
+  const Hdf5Handle attribute(H5Acreate2(handle_.id(), name.c_str(), type, space.id(), H5P_DEFAULT, H5P_DEFAULT),
                              H5Aclose, name.c_str());
   if (H5Awrite(attribute.id(), memory_type, data) < 0) throw FileError("HDF5: cannot write attribute " + name);
-  record_->attributes.push_back({prefix_ + name, value, std::nullopt});
 }
 
 void Hdf5Group::attribute(const std::string& name, const std::string& text) {
-  const std::size_t bytes = std::max<std::size_t>(text.size(), 1);  // HDF5 reads one byte of an empty text
-  if (record_->refilling && has_attribute(name, text.c_str(), bytes)) return;
-  const Hdf5Handle type = string_type(text.size());
-  write_attribute(name, type.id(), type.id(), text.c_str(), bytes, {});
+  const Hdf5Handle type = string_type(text.size());  // one byte at least, which c_str() has
+  write_attribute(name, type.id(), type.id(), text.c_str(), {});
 }
 
 void Hdf5Group::attribute(const std::string& name, const std::array<int, 2>& values) {
   const std::array<std::uint64_t, 1> dimensions{2};
-  if (record_->refilling && has_attribute(name, values.data(), sizeof values)) return;
-  write_attribute(name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), sizeof values, dimensions);
+  write_attribute(name, H5T_STD_I32LE, H5T_NATIVE_INT, values.data(), dimensions);
 }
 
 void Hdf5Group::attribute(const std::string& name, double value) {
-  if (record_->refilling && has_attribute(name, &value, sizeof value)) return;
-  write_attribute(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, sizeof value, {});
+  write_attribute(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value, {});
 }
 
-char* Hdf5Group::place(const std::string& name, char kind, std::size_t bytes,
-                       std::span<const std::uint64_t> dimensions) {
-  if (record_->next_dataset == record_->datasets.size()) throw Hdf5StructureDiffers();
-  const Hdf5Record::Dataset& known = record_->datasets[record_->next_dataset++];
-  if (known.kind != kind || known.bytes != bytes || !std::ranges::equal(known.dimensions, dimensions) ||
-      known.path.size() != prefix_.size() + name.size() || !known.path.starts_with(prefix_) ||
-      !known.path.ends_with(name)) {
-    throw Hdf5StructureDiffers();
-  }
-  return record_->image.data() + known.offset;
-}
-
-void Hdf5Group::write(const std::string& name, char kind, std::int64_t type, std::size_t item_bytes, const void* data,
+void Hdf5Group::write(const std::string& name, std::int64_t type, const void* data,
                       std::span<const std::uint64_t> dimensions) {
-  std::size_t bytes = item_bytes;
-  for (const std::uint64_t size : dimensions) bytes *= size;
-  if (record_->refilling) {
-    char* const to = place(name, kind, bytes, dimensions);
-    if (bytes > 0) std::memcpy(to, data, bytes);
-    return;
-  }
   const Hdf5Handle space = dataspace(dimensions);
   const Hdf5Handle creation = timeless(H5P_DATASET_CREATE);
   const Hdf5Handle dataset(
-      H5Dcreate2(handle_->id(), name.c_str(), type, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Dclose,
+      H5Dcreate2(handle_.id(), name.c_str(), type, space.id(), H5P_DEFAULT, creation.id(), H5P_DEFAULT), H5Dclose,
       name.c_str());
-  record_->datasets.push_back({prefix_ + name, kind, {dimensions.begin(), dimensions.end()}, bytes, 0});
-  if (bytes == 0) return;  // nothing to write, and `data` may be null
+  if (std::ranges::find(dimensions, 0u) != dimensions.end()) return;  // nothing to write, and `data` may be null
   if (H5Dwrite(dataset.id(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) < 0) {
     throw FileError("HDF5: cannot write dataset " + name);
   }
-}
-
-void Hdf5Group::dataset(const std::string& name, double value) {
-  write(name, 'f', H5T_IEEE_F64LE, sizeof value, &value, {});
 }
 
 void Hdf5Group::dataset(const std::string& name, std::span<const double> values,
@@ -215,90 +181,52 @@ void Hdf5Group::dataset(const std::string& name, std::span<const double> values,
   std::uint64_t count = 1;
   for (const std::uint64_t size : dimensions) count *= size;
   if (count != values.size()) throw FileError("HDF5: dimensions of dataset " + name + " do not fit its values");
-  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), values.data(), dimensions);
+  write(name, H5T_IEEE_F64LE, values.data(), dimensions);
+}
+
+void Hdf5Group::dataset(const std::string& name, std::span<const std::uint64_t> values,
+                        std::span<const std::uint64_t> dimensions) {
+  write(name, H5T_STD_U64LE, values.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const std::vector<double>& values) {
   const std::array<std::uint64_t, 1> dimensions{values.size()};
-  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), values.data(), dimensions);
+  write(name, H5T_IEEE_F64LE, values.data(), dimensions);
 }
 
-void Hdf5Group::dataset(const std::string& name, const Eigen::VectorXd& values) {
-  const std::array<std::uint64_t, 1> dimensions{static_cast<std::uint64_t>(values.size())};
-  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), values.data(), dimensions);
+void Hdf5Group::dataset(const std::string& name, const std::vector<std::string_view>& texts) {
+  const PackedTexts packed = pack_texts(texts);
+  const Hdf5Handle type = string_type(packed.length);
+  const std::array<std::uint64_t, 1> dimensions{texts.size()};
+  write(name, type.id(), packed.bytes.data(), dimensions);
 }
 
 void Hdf5Group::dataset(const std::string& name, const Eigen::MatrixXd& matrix) {
   const std::array<std::uint64_t, 2> dimensions{static_cast<std::uint64_t>(matrix.rows()),
                                                 static_cast<std::uint64_t>(matrix.cols())};
-  if (record_->refilling) {
-    const std::size_t bytes_of_row = sizeof(double) * dimensions[1];
-    char* to = place(name, 'f', dimensions[0] * bytes_of_row, dimensions);
-    // Some rows at a time, so that every cache line of the columns is read once; by a buffer, because numbers in the
-    // image need not be aligned.
-    constexpr Eigen::Index kRows = 8;
-    const Eigen::Index n = matrix.cols();
-    Eigen::VectorXd buffer(kRows * n);
-    for (Eigen::Index first = 0; first < matrix.rows() && n > 0; first += kRows) {
-      const Eigen::Index rows = std::min(kRows, matrix.rows() - first);
-      for (Eigen::Index col = 0; col < n; ++col) {
-        const double* const from = matrix.data() + first + col * matrix.rows();
-        for (Eigen::Index row = 0; row < rows; ++row) buffer[row * n + col] = from[row];
-      }
-      const std::size_t bytes = static_cast<std::size_t>(rows) * bytes_of_row;
-      std::memcpy(to, buffer.data(), bytes);
-      to += bytes;
-    }
-    return;
-  }
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
-  write(name, 'f', H5T_IEEE_F64LE, sizeof(double), rows.data(), dimensions);
-}
-
-void Hdf5Group::dataset(const std::string& name, const std::vector<int>& values) {
-  const std::array<std::uint64_t, 1> dimensions{values.size()};
-  write(name, 'i', H5T_STD_I32LE, sizeof(int), values.data(), dimensions);
-}
-
-void Hdf5Group::dataset(const std::string& name, const std::vector<std::string_view>& texts) {
-  std::size_t length = 1;
-  for (const std::string_view text : texts) length = std::max(length, text.size());
-  std::string packed(length * texts.size(), '\0');
-  for (std::size_t i = 0; i < texts.size(); ++i) std::copy(texts[i].begin(), texts[i].end(), &packed[i * length]);
-  const std::array<std::uint64_t, 1> dimensions{texts.size()};
-  std::optional<Hdf5Handle> type;
-  if (!record_->refilling) type.emplace(string_type(length));
-  write(name, 'S', type ? type->id() : H5I_INVALID_HID, length, packed.data(), dimensions);
+  write(name, H5T_IEEE_F64LE, rows.data(), dimensions);
 }
 
 // ---- the file ----------------------------------------------------------------------------------------------------
 
-Hdf5File::Hdf5File(std::size_t expected_bytes)
-    : file_(create_in_memory(expected_bytes)), root_(open_root(file_), record_, "") {}
+Hdf5File::Hdf5File(std::size_t expected_bytes) : file_(create_in_memory(expected_bytes)), root_(open_root(file_)) {}
 
-void Hdf5File::refill() {
-  if (!record_.refilling) {
-    for (Hdf5Record::Dataset& known : record_.datasets) {
-      if (known.bytes == 0) continue;
-      const Hdf5Handle dataset(H5Dopen2(file_.id(), known.path.c_str(), H5P_DEFAULT), H5Dclose, known.path.c_str());
-      known.offset = H5Dget_offset(dataset.id());
-      if (known.offset == HADDR_UNDEF || known.offset + known.bytes > record_.image.size()) {
-        throw FileError("HDF5: dataset " + known.path + " is not in one piece");
-      }
-    }
-  }
-  record_.refilling = true;
-  record_.next_dataset = record_.next_attribute = 0;
+std::span<const char> Hdf5File::image() {
+  image_of(file_);  // the first flush of a new file gives back unused space, the second one notes its end
+  return image_of(file_);
 }
 
-void Hdf5File::save(const std::string& path) {
-  if (record_.refilling &&
-      (record_.next_dataset != record_.datasets.size() || record_.next_attribute != record_.attributes.size())) {
-    throw Hdf5StructureDiffers();
-  }
-  // The first flush of a new file gives back unused space, the second one notes its end.
-  if (!record_.refilling) image_of(file_);
-  const std::span<const char> image = record_.image = image_of(file_);
+std::size_t Hdf5File::offset(const std::string& dataset) {
+  const Hdf5Handle handle(H5Dopen2(file_.id(), dataset.c_str(), H5P_DEFAULT), H5Dclose, dataset.c_str());
+  const haddr_t place = H5Dget_offset(handle.id());
+  if (place == HADDR_UNDEF || place % 8 != 0) throw FileError("HDF5: dataset " + dataset + " is not in one piece");
+  return place;
+}
+
+void Hdf5File::save(const std::string& path) { write_file(path, image()); }
+
+void write_file(const std::string& path, std::span<const char> image) {
   const std::string part = path + ".part";
   Descriptor file(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (file.get() < 0) fail_to_write(path, errno);
@@ -327,20 +255,24 @@ Eigen::VectorXd read_state(const std::string& path) {
   struct stat status {};
   if (::stat(path.c_str(), &status) != 0) throw FileError("cannot read '" + path + "': " + std::strerror(errno));
   const std::int64_t id = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
-  if (id < 0) throw FileError("'" + path + "' is not an HDF5 file; a matrices file with dataset 'y' was expected");
+  if (id < 0) throw FileError("'" + path + "' is not an HDF5 file; a matrices file was expected");
   const Hdf5Handle file(id, H5Fclose, path.c_str());
-  const std::int64_t dataset_id = H5Dopen2(file.id(), "y", H5P_DEFAULT);
-  if (dataset_id < 0) throw FileError("'" + path + "' has no dataset 'y'; a matrices file was expected");
-  const Hdf5Handle dataset(dataset_id, H5Dclose, "y");
-  const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose, "dataspace of y");
-  if (H5Sget_simple_extent_ndims(space.id()) != 1) throw FileError("'" + path + "': dataset 'y' is not a vector");
-  hsize_t size = 0;
-  H5Sget_simple_extent_dims(space.id(), &size, nullptr);
-  Eigen::VectorXd y(static_cast<Eigen::Index>(size));
-  if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, y.data()) < 0) {
-    throw FileError("'" + path + "': dataset 'y' cannot be read as numbers");
+  const std::int64_t dataset_id = H5Dopen2(file.id(), "vectors", H5P_DEFAULT);
+  if (dataset_id < 0) throw FileError("'" + path + "' has no dataset 'vectors'; a matrices file was expected");
+  const Hdf5Handle dataset(dataset_id, H5Dclose, "vectors");
+  const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose, "dataspace of vectors");
+  std::array<hsize_t, 2> sizes{};
+  if (H5Sget_simple_extent_ndims(space.id()) != 2 || H5Sget_simple_extent_dims(space.id(), sizes.data(), nullptr) < 0 ||
+      sizes[1] == 0) {
+    throw FileError("'" + path + "': dataset 'vectors' is not a matrix");
   }
-  if (!y.allFinite()) throw FileError("'" + path + "': dataset 'y' holds a value that is not finite");
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> vectors(static_cast<Eigen::Index>(sizes[0]),
+                                                                                 static_cast<Eigen::Index>(sizes[1]));
+  if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, vectors.data()) < 0) {
+    throw FileError("'" + path + "': dataset 'vectors' cannot be read as numbers: it is of another kind or damaged");
+  }
+  Eigen::VectorXd y = vectors.col(0);
+  if (!y.allFinite()) throw FileError("'" + path + "': the state holds a value that is not finite");
   return y;
 }
 

@@ -6,8 +6,6 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
-#include <exception>
-#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -44,36 +42,11 @@ class Hdf5Handle {
   Closer closer_;
 };
 
-/// A file that is filled again does not have the structure of the first time.
-class Hdf5StructureDiffers : public std::exception {};
-
-/// What the file holds, in the order in which it was put there; needed to fill it again.
-struct Hdf5Record {
-  struct Dataset {
-    std::string path;
-    char kind;  ///< 'f' numbers, 'i' integers, 'S' texts
-    std::vector<std::uint64_t> dimensions;
-    std::size_t bytes;
-    std::uint64_t offset;  ///< in the file
-  };
-  struct Attribute {
-    std::string name;
-    std::string value;                 ///< its bytes
-    std::optional<Hdf5Handle> handle;  ///< while refilling, once it has changed
-  };
-  std::vector<Dataset> datasets;
-  std::vector<Attribute> attributes;
-  bool refilling = false;
-  std::size_t next_dataset = 0, next_attribute = 0;
-  std::span<char> image;  ///< the file in memory as it was saved last
-};
-
-/// A group of the file under construction. Names of datasets are relative to it.
+/// A group of the file under construction. Every dataset carries HDF5's Fletcher-32 checksum, which every reader of
+/// HDF5 verifies.
 class Hdf5Group {
  public:
-  /// `prefix` is the group's path, empty for the root and ending in '/' below it; `handle` is empty while refilling.
-  Hdf5Group(std::optional<Hdf5Handle> handle, Hdf5Record& record, std::string prefix)
-      : handle_(std::move(handle)), record_(&record), prefix_(std::move(prefix)) {}
+  explicit Hdf5Group(Hdf5Handle handle) : handle_(std::move(handle)) {}
 
   Hdf5Group group(const std::string& name);
 
@@ -81,30 +54,22 @@ class Hdf5Group {
   void attribute(const std::string& name, const std::array<int, 2>& values);
   void attribute(const std::string& name, double value);
 
-  void dataset(const std::string& name, double value);
-  void dataset(const std::string& name, const Eigen::VectorXd& values);
   /// Matrix[rows][columns], stored row-major.
   void dataset(const std::string& name, const Eigen::MatrixXd& matrix);
   /// `values` in row-major order with the given dimensions.
   void dataset(const std::string& name, std::span<const double> values, std::span<const std::uint64_t> dimensions);
   void dataset(const std::string& name, const std::vector<double>& values);
-  void dataset(const std::string& name, const std::vector<int>& values);
+  void dataset(const std::string& name, std::span<const std::uint64_t> values,
+               std::span<const std::uint64_t> dimensions);
   /// Fixed-length, null-padded strings as long as the longest.
   void dataset(const std::string& name, const std::vector<std::string_view>& texts);
 
  private:
-  /// While refilling: where in the image the values of the next dataset are, which must be this one.
-  char* place(const std::string& name, char kind, std::size_t bytes, std::span<const std::uint64_t> dimensions);
-  /// While refilling: true if the next attribute, which must be this one, has that value already.
-  bool has_attribute(const std::string& name, const void* data, std::size_t bytes);
-  void write(const std::string& name, char kind, std::int64_t type, std::size_t item_bytes, const void* data,
-             std::span<const std::uint64_t> dimensions);
+  void write(const std::string& name, std::int64_t type, const void* data, std::span<const std::uint64_t> dimensions);
   void write_attribute(const std::string& name, std::int64_t type, std::int64_t memory_type, const void* data,
-                       std::size_t bytes, std::span<const std::uint64_t> dimensions);
+                       std::span<const std::uint64_t> dimensions);
 
-  std::optional<Hdf5Handle> handle_;
-  Hdf5Record* record_;
-  std::string prefix_;
+  Hdf5Handle handle_;
 };
 
 /// The file under construction.
@@ -118,21 +83,24 @@ class Hdf5File {
 
   Hdf5Group& root() { return root_; }
 
-  /// Writes `path`.part and renames it to `path`. Throws FileError; then `path` is as it was before.
-  void save(const std::string& path);
+  /// The file's bytes as they stand; valid until the file changes.
+  std::span<const char> image();
+  /// Where in the image the values of a dataset begin, a multiple of 8. Throws FileError if they are not in one piece.
+  std::size_t offset(const std::string& dataset);
 
-  /// After save(): what follows fills the same structure with other values, without HDF5's work of making it. The same
-  /// attributes, groups and datasets must come in the same order; one of another name, type or size throws
-  /// Hdf5StructureDiffers, and the file is of no further use.
-  void refill();
+  /// Writes the image by `write_file`.
+  void save(const std::string& path);
 
  private:
   Hdf5Handle file_;
-  Hdf5Record record_;
   Hdf5Group root_;
 };
 
-/// One member of every element of a list, for a dataset: column(model.dofs, &UnknownInfo::owner). Texts are not copied.
+/// Writes `path`.part and renames it to `path`. Throws FileError; then `path` is as it was before.
+void write_file(const std::string& path, std::span<const char> bytes);
+
+/// One member of every element of a list, for a dataset: column(model.dofs, &UnknownInfo::owner). Texts are
+/// not copied.
 template <typename Item, typename Value>
 auto column(const std::vector<Item>& items, Value Item::*member) {
   std::vector<std::conditional_t<std::is_same_v<Value, std::string>, std::string_view, Value>> values;
@@ -141,7 +109,9 @@ auto column(const std::vector<Item>& items, Value Item::*member) {
   return values;
 }
 
-/// Reads the one-dimensional dataset `y` of a matrices file. Throws FileError saying what is wrong with the file.
+/// Reads the state, the first column of dataset `vectors`, of a matrices file; checksums are the business of
+/// whoever reads all of it. Throws FileError saying what is wrong
+/// with the file.
 Eigen::VectorXd read_state(const std::string& path);
 
 }  // namespace mbdae
