@@ -20,7 +20,16 @@ from pilotgen.study.fields import (
     decimal_comma,
     did_you_mean,
 )
-from pilotgen.study.schema import MAYO_PRESETS, PILOT_VALUES, SCHEMA, applies, field_of, locate, members
+from pilotgen.study.schema import (
+    MAYO_PRESETS,
+    PILOT_VALUES,
+    SCHEMA,
+    SECTIONS_OF_A_RUN,
+    applies,
+    field_of,
+    locate,
+    members,
+)
 from pilotgen.study.yaml_file import YamlDocument
 
 _WHOLE_STUDY = Section()
@@ -159,7 +168,7 @@ def read_by_name(
                 raise StudyError(f"{entry.place}{entry.key}: {name!r} {error}") from None
             if model and not applies(place[0], model):
                 raise entry.error(f"means nothing for pilot.model = {model!r}; remove it")
-            if not declared.numeric or place[0].startswith("search."):
+            if not declared.numeric or place[0].partition(".")[0] in SECTIONS_OF_A_RUN:
                 raise entry.error("is nothing that can vary; numbers of pilot, cockpit and rotorcraft can")
             if place in seen:
                 raise entry.error(f"is the same number as {seen[place]}; keep one of them")
