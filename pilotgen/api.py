@@ -23,7 +23,7 @@ from pilotgen.objectives import OBJECTIVES
 from pilotgen.output import STUDY_FILES, claimed
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
-from pilotgen.runs.results import Row, StudyResults, columns_of, read_results, structured_array
+from pilotgen.runs.results import Row, StudyResults, columns_of, flat_columns, read_results, structured_array
 from pilotgen.study.schema import field_of
 from pilotgen.study.study import Study, read_study
 from pilotgen.summary import caveats
@@ -188,8 +188,7 @@ class _Table:
         """The table as a pandas DataFrame; needs pandas."""
         import pandas
 
-        table = self.table()
-        return pandas.DataFrame({name: table[name] for name in table.dtype.names or ()})
+        return pandas.DataFrame(flat_columns(self.table()))
 
     def to_xarray(self) -> xarray.Dataset:
         """The table as an xarray Dataset over the dimension `pilot`, units as attributes; needs xarray."""
@@ -197,10 +196,8 @@ class _Table:
 
         from pilotgen.runs.results import unit_of
 
-        table = self.table()
-        return xarray.Dataset(
-            {name: ("pilot", table[name], {"units": unit_of(name)}) for name in table.dtype.names or ()}
-        )
+        columns = flat_columns(self.table())
+        return xarray.Dataset({name: ("pilot", column, {"units": unit_of(name)}) for name, column in columns.items()})
 
 
 class Pilots(_Table):

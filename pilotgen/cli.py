@@ -34,6 +34,7 @@ COMMANDS = (
     "calibrate",
     "identify",
     "report",
+    "table",
 )
 
 # New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.

@@ -15,6 +15,7 @@ import numpy as np
 
 from pilotgen.hdf5 import NewFile, opened, text
 from pilotgen.objectives import OBJECTIVES, Objective
+from pilotgen.posture.posture import ANGLE_NAMES
 from pilotgen.study.schema import study_unit
 
 FILETYPE = "pilotgen study"
@@ -53,7 +54,7 @@ _UNITS = {
 }  # fmt: skip
 
 
-_WITHOUT_UNIT = ("generation", "individual", "status", "stage", "reason", "rank", "stable")  # counts and words
+_WITHOUT_UNIT = ("generation", "individual", "status", "stage", "reason", "rank", "stable", "sex")  # counts and words
 
 
 def unit_of(name: str) -> str:
@@ -150,6 +151,32 @@ def columns_of(
             columns[row.at] = found[:, 1]
     for name, column in COLUMNS.items():
         columns[name] = np.array([_number(one.result, column) for one in rows], dtype=float)
+    for name in ANGLE_NAMES:
+        columns[name] = np.array([_number(one.result, Column(("posture", name))) for one in rows], dtype=float)
+    columns["sex"] = np.array([str(one.result.get("biometrics", {}).get("sex", "")) for one in rows], dtype=object)
+    for name in ("frequency_hz", "damping"):
+        poles = [[pole[name] for pole in one.result.get("pilot_poles", ())] for one in rows]
+        columns[f"pole_{name}"] = _padded(poles)
+    return columns
+
+
+def _padded(lists: Sequence[Sequence[float]]) -> np.ndarray:
+    """Rows of different lengths as one matrix, NaN where they end."""
+    matrix = np.full((len(lists), max((len(one) for one in lists), default=0)), np.nan)
+    for row, one in zip(matrix, lists, strict=True):
+        row[: len(one)] = one
+    return matrix
+
+
+def flat_columns(table: np.ndarray) -> dict[str, np.ndarray]:
+    """The fields of a structured array by name; a field of several columns is numbered, `pole_damping_1`, from 1."""
+    columns: dict[str, np.ndarray] = {}
+    for name in table.dtype.names or ():
+        column = table[name]
+        if column.ndim == 1:
+            columns[name] = column
+        else:
+            columns |= {f"{name}_{k + 1}": column[:, k] for k in range(column.shape[1])}
     return columns
 
 
@@ -163,7 +190,8 @@ def structured_array(columns: Mapping[str, np.ndarray], names: Sequence[str]) ->
     for name, column in columns.items():
         if name not in ("inputs", "objectives"):
             fields.setdefault(name, column.astype(str) if column.dtype == object else column)
-    table = np.empty(len(columns["status"]), dtype=[(name, column.dtype) for name, column in fields.items()])
+    kinds = [(name, column.dtype, column.shape[1:]) for name, column in fields.items()]
+    table = np.empty(len(columns["status"]), dtype=kinds)
     for name, column in fields.items():
         table[name] = column
     return table
@@ -221,9 +249,10 @@ class ResultsWriter:
                     key,
                     data=data,
                     dtype=kind,
-                    maxshape=(None, *data.shape[1:]),
-                    chunks=(max(1, CHUNK_ROWS), *data.shape[1:]),
+                    maxshape=(None,) * data.ndim,
+                    chunks=(CHUNK_ROWS, *(max(1, width) for width in data.shape[1:])),
                     fletcher32=kind is not self._text,
+                    fillvalue=np.nan if data.dtype.kind == "f" else None,
                 )
                 if key == "objectives":
                     group[key].attrs["names"] = np.array(list(self._objective_names), dtype=object)
@@ -234,9 +263,10 @@ class ResultsWriter:
                     unit_of(key) if several is None else np.array([unit_of(name) for name in several], dtype=object)
                 )
             else:
-                old = len(group[key])
-                group[key].resize(old + len(data), axis=0)
-                group[key][old:] = data
+                dataset, old = group[key], len(group[key])
+                widths = [max(pair) for pair in zip(dataset.shape[1:], data.shape[1:], strict=True)]  # of poles
+                dataset.resize((old + len(data), *widths))
+                dataset[(slice(old, None), *(slice(width) for width in data.shape[1:]))] = data
         self._new.check()
 
     def population(self, members: np.ndarray, front: np.ndarray) -> None:

@@ -467,3 +467,27 @@ def test_evaluations_that_cannot_be_used_are_announced(
     code, out, err = run(*sample, "--resume")
     assert code == 0 and "4 pilots (0 from the journal)" in out
     assert "note: 4 recorded evaluations of another version of code, data or solver cannot be used" in err
+
+
+def test_table_for_other_programs(run: Run, tmp_path: Path) -> None:
+    import csv
+
+    from pilotgen.runs.results import read_results
+
+    assert run("sample", QUICK, "-n", "3", "-o", tmp_path / "out", "--workers", "1", "--quiet")[0] == 0
+    columns = read_results(tmp_path / "out" / "study.h5").columns
+    code, out, _ = run("table", tmp_path / "out")
+    rows = list(csv.DictReader(out.splitlines()))
+    assert code == 0 and len(rows) == 3
+    for name in ("gain_margin_db", "elbow_flexion_deg", "grip_motion_3hz_mm_per_m_s2"):
+        assert [float(row[name]) for row in rows] == columns[name].tolist()
+    assert {row["sex"] for row in rows} == {"male"} and {row["phase_margin_deg"] for row in rows} == {"inf"}
+    assert float(rows[0]["pole_frequency_hz_1"]) == columns["pole_frequency_hz"][0, 0]
+    file = tmp_path / "table.json"
+    assert run("table", tmp_path / "out" / "study.h5", "--format", "json", "-o", file) == (0, "", "")
+    found = json.loads(file.read_text())
+    assert found["evaluations"]["gain_margin_db"] == columns["gain_margin_db"].tolist()
+    assert found["evaluations"]["phase_margin_deg"] == [None] * 3
+    refused(run("table", tmp_path / "out", "-o", file), "exists; choose another file")
+    refused(run("table", tmp_path / "out", "--format", "parquet"), "name a file with -o")
+    refused(run("table", tmp_path / "nothing"), "cannot be read as HDF5")

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import FileError
-from pilotgen.runs.results import Row, columns_of, read_results, unit_of, write_results
+from pilotgen.runs.results import (
+    ResultsWriter,
+    Row,
+    columns_of,
+    flat_columns,
+    read_results,
+    structured_array,
+    unit_of,
+    write_results,
+)
 
 NAMES = ("bmi", "stature_m")
 
@@ -73,7 +82,7 @@ def test_every_number_says_its_unit(tmp_path: Path) -> None:
         assert group["gain_margin_db"].attrs["units"] == "dB" and group["delay_margin_s"].attrs["units"] == "s"
         assert group["objectives"].attrs["units"].tolist() == ["dB", "deg"]
         assert group["inputs"].attrs["units"].tolist() == file["variables/lower"].attrs["units"].tolist()
-        plain = {"generation", "individual", "status", "stage", "reason", "rank", "stable"}
+        plain = {"generation", "individual", "status", "stage", "reason", "rank", "stable", "sex"}
         assert {name for name, dataset in group.items() if "units" not in dataset.attrs} == plain
 
 
@@ -128,3 +137,26 @@ def test_parts_that_do_not_go_together_are_told(tmp_path: Path, name: str) -> No
         file[name] = np.array([7])
     with pytest.raises(FileError, match="damaged"):
         read_results(tmp_path / "study.h5")
+
+
+def test_pieces_with_more_poles_widen_the_table(tmp_path: Path) -> None:
+    ok = {
+        "status": "ok",
+        "loop": {"stable": True, "gain_margin_db": 1.0, "phase_margin_deg": 2.0, "modulus_margin": 0.1},
+    }
+
+    def columns(*counts: int) -> dict[str, np.ndarray]:
+        poles = [[{"frequency_hz": float(k), "damping": 0.5} for k in range(count)] for count in counts]
+        rows = [Row(0, k, {"bmi": 20.0}, {**ok, "pilot_poles": one}) for k, one in enumerate(poles)]
+        return columns_of(rows, ["bmi"], np.zeros((len(rows), 2)), None)
+
+    path = tmp_path / "study.h5"
+    objectives = ("gain_margin_db", "phase_margin_deg")
+    with ResultsWriter(path, {}, ["bmi"], np.array([18.0]), np.array([30.0]), objectives) as writer:
+        for counts in ((0, 0), (1, 3), (2,)):
+            writer.append(columns(*counts))
+    table = structured_array(read_results(path).columns, ("bmi",))
+    assert [int(np.isfinite(row).sum()) for row in table["pole_frequency_hz"]] == [0, 0, 1, 3, 2]
+    flat = flat_columns(table)
+    np.testing.assert_array_equal(flat["pole_frequency_hz_3"], [np.nan, np.nan, np.nan, 2.0, np.nan])
+    assert "pole_frequency_hz" not in flat
