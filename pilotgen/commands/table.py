@@ -27,8 +27,8 @@ def add_parser(commands: Any) -> None:
         "table",
         "write a study's evaluations as CSV, JSON or Parquet",
         "Write every evaluation of the study.h5 in DIR, one row per pilot: values, margins, posture, poles. Units are "
-        "in the names of the columns. CSV: an infinite margin is inf, what a failed pilot lacks is empty; JSON: both are "
-        "null. To standard output, or with -o to a file, which must not exist.",
+        "in the names of the columns. CSV: an infinite margin is inf, what a failed pilot lacks is empty; JSON: both "
+        "are null. To standard output, or with -o to a file, which must not exist.",
         "pilotgen table results/quick --format csv -o quick.csv",
     )
     parser.add_argument(
