@@ -256,7 +256,10 @@ class SolvedPilot:
 def solve_pilot(
     context: EvaluationContext, values: Mapping[str, Any], keep: Path | None = None, linearise: bool = True
 ) -> SolvedPilot:
-    """Posture and activations of one pilot, the deck at the controls and, with `linearise`, its matrices."""
+    """Posture and activations of one pilot, the deck at the controls and, with `linearise`, its matrices.
+
+    Raises EvaluationError, with the stage, where a step has no answer for this pilot.
+    """
     study, own = study_of(context, values)
     settings, inceptor = study.pilot, study.inceptor
     where = keep if keep is not None else context.scratch
@@ -315,7 +318,10 @@ def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> 
 
 
 def linearise_direct(context: EvaluationContext, text: str, where: Path) -> Matrices:
-    """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5."""
+    """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5.
+
+    Raises EvaluationError if the deck is not in equilibrium or the file is not this deck's.
+    """
     matrices = _linearised(context, text, PILOT_DECK, f"{where}/matrices.h5")
     worst = float(np.max(np.abs(matrices.equilibrium_residual)))
     if not worst < EQUILIBRIUM_LIMIT:

@@ -19,6 +19,15 @@ GRIP_FREQUENCY_HZ = 3.0  # where grip motion is reported, as Mayo's people are (
 
 
 def bdft_summary(model: PilotModel, certificate: float | None) -> dict[str, Any]:
+    """What a result tells of the feedthrough (docs/io_formats/result.md, `bdft`).
+
+    Parameters
+    ----------
+    model : PilotModel
+        The pilot.
+    certificate : float, optional
+        Largest relative difference from the full-order response; None without one.
+    """
     frequency_hz, damping = model.dominant_pair()
     motion = abs(complex(model.grip_motion(2.0 * math.pi * GRIP_FREQUENCY_HZ)))
     return {

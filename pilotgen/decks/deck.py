@@ -167,6 +167,8 @@ def render_direct(
 ) -> str:
     """The deck of the pilot at the controls: in equilibrium, ready to be linearised or shaken.
 
+    `muscle_lengths`, shape (muscles,) [m], is of all muscles in deck order.
+
     Parameters
     ----------
     activations : ActivationValues

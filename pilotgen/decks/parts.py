@@ -205,7 +205,7 @@ def muscle_states(body: Body, values: np.ndarray, lengths: np.ndarray) -> list[S
 
 @Latest
 def velocity_factor(body: Body) -> float:
-    """V0/L0 [1/s], one for all muscles of a pilot."""
+    """V0/L0 [1/s], one for all muscles of a pilot. ValueError if muscles of one pilot differ in it."""
     factors = {round(m.V0_m_per_s / m.l0_m, 9) for limb in body.limbs.values() for m in limb.muscles}
     if len(factors) != 1:
         raise ValueError(f"the deck has one maximum velocity over optimal length, the muscles have {sorted(factors)}")

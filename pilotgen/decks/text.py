@@ -26,7 +26,10 @@ ROUNDING = 1e-15  # below this a component of a unit vector is the rounding erro
 
 @lru_cache(maxsize=1)
 def template_directory() -> Path:
-    """Where the templates are: in the installed package, or beside it in a source tree."""
+    """Where the templates are: in the installed package, or beside it in a source tree.
+
+    FileError if they are in neither place.
+    """
     package = Path(__file__).resolve().parents[1]
     for directory in (package / "templates", package.parent / "templates"):
         if (directory / "pilot.mbd.j2").is_file():
@@ -71,7 +74,7 @@ def numbers(values: np.ndarray) -> list[str]:
 
 
 def vector(values: np.ndarray) -> str:
-    """Three numbers in one text."""
+    """Three numbers in one text. `values` has shape (3,)."""
     return _printed((values + 0.0).tolist())[1:-1].replace(",", ", ")
 
 
@@ -81,7 +84,7 @@ def vectors(values: np.ndarray) -> list[str]:
 
 
 def direction(v: np.ndarray) -> str:
-    """A unit vector; what is left of a zero by rounding is printed as zero."""
+    """A unit vector; what is left of a zero by rounding is printed as zero. `v` has shape (3,)."""
     return _directions([v.tolist()])[0]
 
 
@@ -102,12 +105,12 @@ def _printed(values: object) -> str:
 
 
 def matrix(R: np.ndarray) -> str:
-    """An orientation, a row a line."""
+    """An orientation, a row a line. `R` has shape (3, 3)."""
     return "matr,\n\t\t\t" + ",\n\t\t\t".join(_directions(R.tolist()))
 
 
 def hinge_frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> str:
-    """An orientation by two of its axes, as a hinge card has it."""
+    """An orientation by two of its axes, as a hinge card has it. `axis` and `guess` have shape (3,)."""
     first, second = f"{index}, {direction(axis)}", f"{guess_index}, {direction(guess)}"
     return f"{first}, {second}" if len(first) + len(second) < 100 else f"{first},\n\t\t\t\t{second}"
 

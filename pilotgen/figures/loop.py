@@ -39,7 +39,7 @@ def draw_pilot(evaluation: Evaluation, directory: Path) -> None:
 
 
 def frequency_grid(evaluations: Sequence[Evaluation], low_hz: float = LOW_HZ, high_hz: float = HIGH_HZ) -> FloatArray:
-    """Frequencies [Hz] that resolve every mode of the loops and contain their crossings."""
+    """Frequencies [Hz] that resolve every mode of the loops and contain their crossings. Shape (n,), ascending."""
     parts = [np.geomspace(low_hz, high_hz, GRID_POINTS)]
     spread = np.linspace(-4.0, 4.0, POINTS_PER_MODE)
     for evaluation in evaluations:

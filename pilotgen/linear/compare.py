@@ -132,6 +132,8 @@ def run_compare(
 ) -> tuple[str, int]:
     """Compare two files; return the text to print and 0 if they agree within the tolerance, 1 if not.
 
+    FileError if a file cannot be read.
+
     When one file is ours and the other MBDyn's, ours lends the names and tells velocity constraints from holonomic
     ones.
     """

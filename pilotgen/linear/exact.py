@@ -274,7 +274,10 @@ def _coprime_modulo(p: Polynomial, q: Polynomial) -> bool:
 
 
 def divide(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p / q up to a positive constant, where q (primitive, positive leading coefficient) divides p."""
+    """p / q up to a positive constant, where q (primitive, positive leading coefficient) divides p.
+
+    ArithmeticError if q does not divide p.
+    """
     if q == [1] or not p:
         return p
     r, out = list(primitive(p)), [0] * (len(p) - len(q) + 1)

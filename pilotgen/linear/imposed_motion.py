@@ -164,6 +164,8 @@ def translation_error(plant: ImposedMotion, direction: str) -> float:
 def full_order_response(plant: ImposedMotion, omega: ArrayLike, output: int = 0) -> Complexes:
     """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2 of one output [rad per m/s^2].
 
+    EvaluationError if the matrix is singular at a frequency.
+
     One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly, and those that
     nothing connects to the output (the other arm, while the seat's motion is imposed). Nothing of the modal route is
     used. `omega` in rad/s, shape (m,); `output` counts as in `plant.outputs`.

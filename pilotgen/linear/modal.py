@@ -274,7 +274,10 @@ def _condition(A: Numbers) -> float:
 
 
 def independent_constraints(G: Floats) -> Indices:
-    """Return the indices of a largest set of independent rows of `G`, ascending."""
+    """Return the indices of a largest set of independent rows of `G`, ascending.
+
+    `G` has shape (constraints, unknowns); the result shape (rank,).
+    """
     if len(G) == 0:
         return np.zeros(0, dtype=np.intp)
     _, pivots, _, rank = _pivoted_qr(G.T)

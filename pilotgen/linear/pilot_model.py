@@ -101,7 +101,10 @@ class PilotModel:
         ]
 
     def dominant_pole(self) -> complex:
-        """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates."""
+        """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates.
+
+        EvaluationError if there is no pole.
+        """
         if len(self.poles) == 0:
             raise EvaluationError("feedthrough", "the pilot has no mode: nothing moves, or only parts without mass")
         residues = self.residues

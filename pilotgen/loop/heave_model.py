@@ -79,6 +79,8 @@ class HeaveModel:
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:
         """Numerator and denominator of H = zddot/theta, falling powers of s, denominator monic.
 
+        Coefficients of shape (n,) each.
+
         Cramer's rule on (M s^2 + D s + K) q = F theta, with one power of s cancelled: the height itself does not
         enter the equations.
         """

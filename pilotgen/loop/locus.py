@@ -56,7 +56,7 @@ class Intervals:
     check_circle: BoolArray
 
     def take(self, which: BoolArray) -> Intervals:
-        """The intervals that `which` marks."""
+        """The intervals that `which` marks. `which` has shape (n,), one per interval."""
         return Intervals(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
     @cached_property
@@ -101,7 +101,10 @@ class End:
         return 0j, self.e * self.K0 if self.order == 1 else 0j
 
     def axis_coefficients(self, x1: float, L1: complex, S1: complex) -> tuple[ComplexArray, FloatArray]:
-        """Bernstein coefficients on [0, x1] of K, and of a function with the sign of Im L on (0, x1]."""
+        """Bernstein coefficients on [0, x1] of K, and of a function with the sign of Im L on (0, x1].
+
+        Both of shape (degree + 1,).
+        """
         power = (self.e * x1) ** self.order
         K, slope = L1 / power, (S1 - self.order * L1 / x1) / power
         k = np.array([self.K0, self.K0 + x1 * self.e * self.K1 / 3.0, K - x1 * slope / 3.0, K])

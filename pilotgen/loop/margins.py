@@ -224,6 +224,8 @@ def _margins(D: float, stable: bool | None, features: LocusFeatures, interval: t
 def largest_real_part(model: StateSpaceModel) -> tuple[float, float] | None:
     """An interval [rad/s] that holds the largest real part of the closed loop's eigenvalues.
 
+    PilotgenError if the eigenvalues cannot be computed.
+
     None if the loop is ill-posed, 1 + L(infinity) = 0. The eigenvalues come with round-off: those computed belong to a
     matrix that differs by n eps times its norm, and move by that times the condition of the eigenvectors at most
     (Bauer and Fike). Defective eigenvalues therefore give a wide interval, and so do fast ones beside slow ones.

@@ -47,14 +47,17 @@ def mirror_pose(pose: Pose) -> Pose:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b of two 3-vectors (numpy's general version costs ten times more)."""
+    """a x b of two 3-vectors (numpy's general version costs ten times more). Shapes (3,)."""
     ax, ay, az = a.tolist()
     bx, by, bz = b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def rotation(theta: np.ndarray) -> np.ndarray:
-    """exp(theta x): the rotation matrix of a rotation vector [rad] (Rodrigues)."""
+    """exp(theta x): the rotation matrix of a rotation vector [rad] (Rodrigues).
+
+    `theta` has shape (3,), the matrix shape (3, 3).
+    """
     x, y, z = theta.tolist()
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
@@ -73,7 +76,10 @@ def rotation(theta: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:
-    """log R: rotation vector [rad], |theta| < pi. At exactly half a turn the axis is taken from the symmetric part."""
+    """log R: rotation vector [rad], |theta| < pi. At exactly half a turn the axis is taken from the symmetric part.
+
+    `R` has shape (3, 3), the vector shape (3,).
+    """
     w = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) * 0.5
     sine = math.sqrt(float(w @ w))
     cosine = 0.5 * (float(R[0, 0] + R[1, 1] + R[2, 2]) - 1.0)
@@ -88,7 +94,10 @@ def rotation_vector(R: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector_rate(theta: np.ndarray) -> np.ndarray:
-    """Gamma(theta)^-1: d theta = Gamma^-1 d phi, d phi = rotation in the axes of the first body."""
+    """Gamma(theta)^-1: d theta = Gamma^-1 d phi, d phi = rotation in the axes of the first body.
+
+    `theta` has shape (3,), the matrix shape (3, 3).
+    """
     x, y, z = theta.tolist()
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
@@ -105,6 +114,8 @@ def rotation_vector_rate(theta: np.ndarray) -> np.ndarray:
 
 def frame(axis: np.ndarray, index: int, guess: np.ndarray, guess_index: int) -> np.ndarray:
     """Orientation from two vectors, as MBDyn reads `index, axis, guess_index, guess` (indices from 1; columns = axes).
+
+    `axis` and `guess` have shape (3,), the orientation shape (3, 3).
 
     Axis `index` is `axis`; the axis that is named by neither index completes the triad; axis `guess_index` is then
     made orthogonal to both.
@@ -231,6 +242,8 @@ class ArmPose:
 def forward(geometry: ArmGeometry, q: np.ndarray, torso: Pose) -> ArmPose:
     """Poses of a right arm from its seven coordinates and the torso pose (origin at the gleno-humeral centre).
 
+    `q` has shape (7,) [rad].
+
     The radius closes its loop exactly: its ulnar-head point lies on the ulna's y axis where a sphere about the
     humero-radial centre cuts that line. `axes` and `arms` neglect the small wobble of the radius that follows from it
     (below 1 % of the rates).
@@ -274,7 +287,10 @@ def forward(geometry: ArmGeometry, q: np.ndarray, torso: Pose) -> ArmPose:
 
 
 def joint_coordinates(geometry: ArmGeometry, poses: Mapping[str, Pose], torso: Pose) -> np.ndarray:
-    """The seven coordinates [rad] of a right arm from the poses of its segments: the inverse of `forward`."""
+    """The seven coordinates [rad] of a right arm from the poses of its segments: the inverse of `forward`.
+
+    Shape (7,).
+    """
     R_torso = torso[1]
     R_h, R_r = poses["humerus"][1], poses["radius"][1]
     R_u, R_hand = poses["ulna"][1], poses["hand"][1]
@@ -294,7 +310,10 @@ def joint_coordinates(geometry: ArmGeometry, poses: Mapping[str, Pose], torso: P
 
 
 def muscle_lengths(limb: Limb, poses: Mapping[str, Pose], torso: Pose) -> np.ndarray:
-    """Current lengths [m] of the limb's muscles in its order; all poses in one common frame."""
+    """Current lengths [m] of the limb's muscles in its order; all poses in one common frame.
+
+    One per muscle: shape (muscles,).
+    """
     frames = {**poses, "torso": torso}
     origins, insertions = _end_points(limb, frames)
     difference = insertions - origins

@@ -26,7 +26,10 @@ CLEAR_TREND, WEAK_TREND = 0.5, 0.2  # rank correlations called clear, and not wo
 
 
 def worst_order(results: StudyResults) -> np.ndarray:
-    """Indices of the evaluated pilots, worst first: by front, then by gain plus phase margin (capped)."""
+    """Indices of the evaluated pilots, worst first: by front, then by gain plus phase margin (capped).
+
+    Shape (evaluated,).
+    """
     columns = results.columns
     ok = np.flatnonzero(columns["status"] == "ok")
     capped = [np.clip(columns[row.key][ok], -row.cap, row.cap) for row in MARGINS]
@@ -49,7 +52,7 @@ def distinct(results: StudyResults, order: np.ndarray, count: int, share: float 
 
 
 def first_front(results: StudyResults) -> np.ndarray:
-    """Indices of the final population's first front; of a sample, its non-dominated pilots."""
+    """Indices of the final population's first front; of a sample, its non-dominated pilots. Shape (members,)."""
     front: np.ndarray
     if len(results.front):
         front = results.front[results.columns["status"][results.front] == "ok"]
@@ -176,7 +179,7 @@ class Bound:
 
 
 def bounds_met(results: StudyResults, worst: int, front: np.ndarray) -> list[Bound]:
-    """Which variables of the worst pilot are at an end of the box."""
+    """Which variables of the worst pilot are at an end of the box. `front` holds indices, shape (members,)."""
     width = results.upper - results.lower
     place = (results.columns["inputs"] - results.lower) / np.where(width > 0.0, width, 1.0)
     found = []

@@ -77,7 +77,10 @@ def render(
     problems: Sequence[str] = (),
     solver: str = "mbdae",
 ) -> str:
-    """The text of report.html; parameters as gathered by `write_report`."""
+    """The text of report.html; parameters as gathered by `write_report`.
+
+    `order` and `front` hold indices of evaluations, shapes (evaluated,) and (members,).
+    """
     columns = results.columns
     worst = int(order[0]) if len(order) else None
     count, failed = len(columns["status"]), int((columns["status"] != "ok").sum())

@@ -68,6 +68,8 @@ class Interrupted(KeyboardInterrupt):
 def stop_on_sigterm() -> None:
     """Have SIGTERM and SIGHUP end this process as Ctrl-C does: what was recorded is kept, workers are stopped.
 
+    The signals raise Interrupted where the program is.
+
     A SIGHUP that is ignored (nohup) stays ignored.
     """
 
@@ -157,11 +159,14 @@ class Workers(Protocol):
     A warm-up is a task without an answer, which those who have processes of their own may give them to warm up.
     """
 
-    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None: ...
+    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None:
+        """Have every worker start and do this task once; its result goes nowhere."""
 
-    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]: ...
+    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield (index of the task, result or WorkerLost) as they finish."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """End all workers."""
 
 
 class SerialWorkers:
@@ -171,6 +176,7 @@ class SerialWorkers:
         """Nobody to warm up."""
 
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield (index of the task, result), one after the other."""
         for index, task in enumerate(tasks):
             yield index, function(task)
 

@@ -169,7 +169,10 @@ def _padded(lists: Sequence[Sequence[float]]) -> np.ndarray:
 
 
 def flat_columns(table: np.ndarray) -> dict[str, np.ndarray]:
-    """The fields of a structured array by name; a field of several columns is numbered, `pole_damping_1`, from 1."""
+    """The fields of a structured array by name; a field of several columns is numbered, `pole_damping_1`, from 1.
+
+    Every array has shape (rows,).
+    """
     columns: dict[str, np.ndarray] = {}
     for name in table.dtype.names or ():
         column = table[name]
@@ -293,7 +296,10 @@ def write_results(
     members: np.ndarray | None = None,
     front: np.ndarray | None = None,
 ) -> None:
-    """Write study.h5 in one go; parameters as `ResultsWriter`, `columns_of` and the format page."""
+    """Write study.h5 in one go; parameters as `ResultsWriter`, `columns_of` and the format page.
+
+    `lower` and `upper` have shape (variables,), columns shape (evaluations, ...).
+    """
     with ResultsWriter(path, attributes, names, lower, upper, objective_names) as writer:
         writer.append(columns)
         if members is not None and front is not None:

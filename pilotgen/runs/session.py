@@ -74,6 +74,8 @@ def open_batch(
 ) -> Iterator[Batch]:
     """Workers (no more than `most`), the directory's journal and the task of one pilot, together.
 
+    Raises Interrupted when a signal ends the run.
+
     What a user should know before work starts is said by `say`, one sentence at a time; by a warning without one.
 
     Raises

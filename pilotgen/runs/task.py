@@ -55,6 +55,8 @@ _CONTEXTS: dict[tuple[Any, ...], EvaluationContext] = {}
 def run_task(task: Task) -> tuple[dict[str, Any], float]:
     """Evaluate one pilot in a worker process, which keeps its evaluation context from pilot to pilot.
 
+    Raises FileError where another pilotgen or solver is installed than with who sent the task.
+
     Returns
     -------
     tuple

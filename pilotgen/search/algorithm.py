@@ -88,11 +88,14 @@ class Search(ABC):
 
     @property
     def population(self) -> np.ndarray:
-        """Indices of the present population in the history."""
+        """Indices of the present population in the history. Shape (individuals,)."""
         return self._members[-1]
 
     def ask(self) -> np.ndarray:
-        """Return the next individuals to evaluate, shape (n, n_var); the same ones until `tell`."""
+        """Return the next individuals to evaluate, shape (n, n_var); the same ones until `tell`.
+
+        RuntimeError after the end of the search.
+        """
         if self.finished:
             raise RuntimeError(f"the search is over: {self.stopped_by}")
         if self._asked is None:
@@ -101,6 +104,8 @@ class Search(ABC):
 
     def tell(self, F: np.ndarray, failed: np.ndarray | None = None) -> None:
         """Take the objectives of the individuals asked for.
+
+        ValueError if F has another shape, RuntimeError if nothing was asked.
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ MAX_REPLACEMENTS = 20  # tries to mutate a copy away before a random point takes
 
 
 def fitness(rank: np.ndarray) -> np.ndarray:
-    """Return the fitness, inversely proportional to the rank (1, 1/2, 1/3, ...)."""
+    """Return the fitness, inversely proportional to the rank (1, 1/2, 1/3, ...). Both of shape (n,)."""
     return np.asarray(1.0 / np.asarray(rank, dtype=float))
 
 
@@ -77,6 +77,8 @@ def polynomial_mutation(
 ) -> np.ndarray:
     """Return X with every variable moved by a random step that is mostly small and never leaves the bounds.
 
+    `X` has shape (n, n_var), the bounds shape (n_var,).
+
     References
     ----------
     Deb and Goyal, A combined genetic adaptive search (GeneAS) for engineering design, Comput. Sci. Inform. 26, 1996.
@@ -108,6 +110,8 @@ def replace_copies(
     X: np.ndarray, known: set[bytes], xl: np.ndarray, xu: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """Return X in which no individual equals another or one in `known` (`row.tobytes()` of all individuals so far).
+
+    `X` has shape (n, n_var), the bounds shape (n_var,).
 
     A copy is mutated in all variables until it is new; if that does not help, a random point takes its place.
     """

@@ -34,7 +34,7 @@ class AgainstNsga2:
 
 
 def final_hypervolume(result: SearchResult, reference: np.ndarray) -> float:
-    """Return the hypervolume of a search's final population (two objectives)."""
+    """Return the hypervolume of a search's final population (two objectives). `reference` has shape (2,)."""
     return hypervolume(result.F[result.members[-1]], reference)
 
 

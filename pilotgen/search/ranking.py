@@ -123,6 +123,8 @@ def fittest(F: np.ndarray, n: int) -> np.ndarray:
 def hypervolume(F: np.ndarray, reference: np.ndarray) -> float:
     """Return the area that a set of points dominates below a reference point (two objectives, exact).
 
+    `F` has shape (n, 2), `reference` shape (2,). ValueError for another number of objectives.
+
     Points beyond the reference in any objective, and NaN rows, add nothing.
     """
     F = np.asarray(F, dtype=float)

@@ -34,6 +34,8 @@ def sobol(n: int, xl: np.ndarray, xu: np.ndarray, rng: np.random.Generator) -> n
 def sobol_points(first: int, count: int, xl: np.ndarray, xu: np.ndarray, seed: int) -> np.ndarray:
     """Return points `first` to `first + count - 1` of the seed's endless scrambled Sobol sequence in the box.
 
+    Shape (count, n_var).
+
     Point i is the same whatever part of the sequence is asked for, so a sample can be made longer later.
     """
     from scipy.stats import qmc
@@ -51,7 +53,10 @@ def sobol_points(first: int, count: int, xl: np.ndarray, xu: np.ndarray, seed: i
 
 
 def random_points(first: int, count: int, xl: np.ndarray, xu: np.ndarray, seed: int) -> np.ndarray:
-    """Return points `first` to `first + count - 1` of the seed's endless sequence of random points in the box."""
+    """Return points `first` to `first + count - 1` of the seed's endless sequence of random points in the box.
+
+    Shape (count, n_var).
+    """
     generator = np.random.PCG64(np.random.SeedSequence(entropy=seed, spawn_key=(0, PURPOSES.index("sampling"))))
     generator.advance(first * len(xl))  # one draw of the generator per uniform double
     return np.asarray(xl + np.random.Generator(generator).random((count, len(xl))) * (xu - xl))

@@ -13,7 +13,7 @@ GENERATION_LIMIT = "generation limit"
 
 
 def rank_one_share(rank: np.ndarray, failed: np.ndarray) -> float:
-    """Return the share of a population that is rank one; failures never are."""
+    """Return the share of a population that is rank one; failures never are. Both of shape (n,)."""
     return float(np.mean((rank == 1) & ~failed))
 
 

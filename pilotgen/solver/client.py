@@ -40,6 +40,8 @@ _LONGEST_REPLY_BYTES = 256 << 20
 def find_mbdae(option: str | os.PathLike[str] | None = None) -> Path:
     """Return the path of the solver's executable.
 
+    FileError if there is none, or what was named is no program.
+
     Looked for in this order: `option`, the environment variable PILOTGEN_MBDAE, the installed package, PATH. Something
     named by the first two must be there: it is an error, not a reason to look on.
     """

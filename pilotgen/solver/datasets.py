@@ -47,7 +47,10 @@ TABLES: Mapping[str, Mapping[str, type]] = {
 
 
 def checksum(data: bytes | NDArray[Any]) -> tuple[int, int]:
-    """Return the sum of the 64-bit words of `data` and of the words times their place from 1, both modulo 2^64."""
+    """Return the sum of the 64-bit words of `data` and of the words times their place from 1, both modulo 2^64.
+
+    Of an array of any shape, as its bytes lie in memory.
+    """
     words = np.frombuffer(data, np.uint64) if isinstance(data, bytes) else data.reshape(-1).view(np.uint64)
     return int(words.sum()), int(words @ _places_of_words(len(words)))
 
@@ -77,7 +80,10 @@ class Contents:
 
     @cached_property
     def structure(self) -> Structure:
-        """Names and labels, checked; shared by the files of one structure, not to be written to."""
+        """Names and labels, checked; shared by the files of one structure, not to be written to.
+
+        MatrixError if they do not fit together.
+        """
         text = self.texts[STRUCTURE]
         self._check_sum(STRUCTURE, 0, text)
         try:
@@ -86,7 +92,10 @@ class Contents:
             raise MatrixError(f"{self.path}: dataset '{STRUCTURE}' {error}") from None
 
     def numbers(self, name: str, shape: tuple[int, int]) -> NDArray[np.float64]:
-        """Return a dataset of numbers (a name of `NUMBERS`), shape, finiteness and checksum checked."""
+        """Return a dataset of numbers (a name of `NUMBERS`), shape, finiteness and checksum checked.
+
+        MatrixError if one of these fails.
+        """
         value = self.arrays[name]
         if value.shape != shape:
             raise MatrixError(f"{self.path}: dataset '{name}' has shape {value.shape}; expected {shape}")
@@ -107,7 +116,10 @@ class Contents:
 
 
 def read_at(path: str, places: Places) -> Contents:
-    """Read a file that the solver has just written, from the places that it told."""
+    """Read a file that the solver has just written, from the places that it told.
+
+    FileError if it cannot be read, MatrixError if it is not what the solver told.
+    """
     try:
         file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:

@@ -101,7 +101,10 @@ class DescriptorModel:
 
 
 def block(matrix: Floats, rows: Indices, columns: Indices) -> Floats:
-    """Return matrix[rows][:, columns]; three times as fast as indexing with both at once."""
+    """Return matrix[rows][:, columns]; three times as fast as indexing with both at once.
+
+    `matrix` has shape (m, n), `rows` shape (r,), `columns` shape (c,), the result shape (r, c).
+    """
     return matrix.take(rows, axis=0).take(columns, axis=1)
 
 

@@ -15,7 +15,10 @@ from pilotgen.solver.client import named_executable, signal_name
 
 
 def find_mbdyn(option: str | os.PathLike[str] | None = None) -> Path:
-    """Return the path of MBDyn's executable: `option`, the environment variable PILOTGEN_MBDYN, or PATH."""
+    """Return the path of MBDyn's executable: `option`, the environment variable PILOTGEN_MBDYN, or PATH.
+
+    FileError if there is none.
+    """
     named = named_executable(option, "--mbdyn", "PILOTGEN_MBDYN")
     if named is not None:
         return named

@@ -94,7 +94,10 @@ def read_mbdyn(path: str | os.PathLike[str], layout: Matrices | None = None, ana
 
 
 def to_textbook(raw: RawEigenanalysis, layout: Matrices | None = None) -> Matrices:
-    """Undo MBDyn's border scaling and name the unknowns; see `read_mbdyn` for `layout` and errors."""
+    """Undo MBDyn's border scaling and name the unknowns; see `read_mbdyn` for `layout` and errors.
+
+    MatrixError if the matrices do not fit the layout.
+    """
     n = len(raw.Aplus)
     for name, A in (("Aplus", raw.Aplus), ("Aminus", raw.Aminus)):
         if A.shape != (n, n) or n == 0:
@@ -192,7 +195,10 @@ def _names_of_layout(raw: RawEigenanalysis, layout: Matrices) -> tuple[NDArray[n
 
 
 def read_netcdf(path: str, analysis: int | None = None) -> RawEigenanalysis:
-    """Read one eigenanalysis of an MBDyn NetCDF file, transposed to row = equation."""
+    """Read one eigenanalysis of an MBDyn NetCDF file, transposed to row = equation.
+
+    MatrixError if it holds no such eigenanalysis.
+    """
     variables = _netcdf_variables(path)
     found = sorted({int(match[1]) for name in variables if (match := re.fullmatch(r"eig\.(\d+)\.dCoef", name))})
     if not found:
@@ -274,7 +280,10 @@ def _netcdf_variables(path: str) -> dict[str, NDArray[np.float64]]:
 
 
 def read_m(path: str) -> RawEigenanalysis:
-    """Read an MBDyn `.m` file: full matrices, or sparse ones followed by `spconvert`."""
+    """Read an MBDyn `.m` file: full matrices, or sparse ones followed by `spconvert`.
+
+    FileError if it cannot be read, MatrixError if it is no such file.
+    """
     try:
         text = Path(path).read_text(encoding="ascii")
     except (UnicodeDecodeError, OSError) as error:

@@ -182,7 +182,7 @@ class Number(Field):
         return True
 
     def check(self, what: str, data: Any) -> Any:
-        """Return the number as float (None for an allowed null)."""
+        """Return the number as float (None for an allowed null). StudyError for anything else."""
         unit = f" {self.unit}" if self.unit else ""
         if data is None and self.null:
             return None
@@ -210,7 +210,7 @@ class Whole(Field):
         return True
 
     def check(self, what: str, data: Any) -> int:
-        """Return the number as int."""
+        """Return the number as int. StudyError for anything else."""
         if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data) or data != int(data):
             raise StudyError(
                 f"{what} is not a whole number; one from {self.low} to {self.high} is wanted{self.advice(data)}"
@@ -236,7 +236,7 @@ class Vector(Field):
         return Number(self.low, self.high, self.unit, hint=self.hint, model=self.model, meaning=self.meaning)
 
     def check(self, what: str, data: Any) -> list[float]:
-        """Return the numbers as a list of float."""
+        """Return the numbers as a list of float. StudyError for anything else."""
         if not isinstance(data, list) or len(data) != self.size:
             wanted = ("one number", "two numbers", "three numbers")[self.size - 1] if self.size <= 3 else f"{self.size}"
             raise StudyError(
@@ -257,7 +257,7 @@ class Choice(Field):
     choices: tuple[str, ...]
 
     def check(self, what: str, data: Any) -> str:
-        """Return the word."""
+        """Return the word. StudyError for anything else."""
         if not isinstance(data, str) or data not in self.choices:
             guess = did_you_mean(str(data), self.choices)
             raise StudyError(f"{what} is not known; {guess}choose one of: {', '.join(self.choices)}")
@@ -272,7 +272,7 @@ class Words(Field):
     must: str = ""
 
     def check(self, what: str, data: Any) -> tuple[str, ...]:
-        """Return the words."""
+        """Return the words. StudyError for anything else."""
         if not isinstance(data, list | tuple) or not data:
             raise StudyError(f"{what} must be a list of one or more of: {', '.join(self.choices)}")
         key, equals, _ = what.rpartition(" = ")
@@ -290,7 +290,7 @@ class Text(Field):
     """Any text."""
 
     def check(self, what: str, data: Any) -> str:
-        """Return the text on one line, without blanks around it."""
+        """Return the text on one line, without blanks around it. StudyError for anything else."""
         if not isinstance(data, str):
             raise StudyError(f"{what} must be text{_quote_it(data)}")
         text = " ".join(data.split())
@@ -304,7 +304,7 @@ class Name(Field):
     """A name that may become part of a file name."""
 
     def check(self, what: str, data: Any) -> str:
-        """Return the name."""
+        """Return the name. StudyError for anything else."""
         if not isinstance(data, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", data):
             raise StudyError(
                 f"{what} is not a name; at most 64 letters, digits, '-', '_' and '.' are wanted, such as puma-bmi"
@@ -340,7 +340,10 @@ class Section(Field):
     why: str = ""
 
     def check(self, what: str, data: Any) -> Any:
-        """Return a word that stands for the mapping, or None; a mapping is read key by key."""
+        """Return a word that stands for the mapping, or None; a mapping is read key by key.
+
+        StudyError for anything else.
+        """
         if data is None and self.null:
             return None
         if self.words is None:

@@ -268,7 +268,10 @@ def fit_gains(subject: Subject, measured: MeasuredPilot, start: Reflex = START) 
 
 
 def scale_gains(subject: Subject, gains: Reflex, ratio: float) -> Reflex:
-    """The reflex scaled as a whole until the grip has `ratio` times its static stiffness."""
+    """The reflex scaled as a whole until the grip has `ratio` times its static stiffness.
+
+    EvaluationError if no scale reaches it.
+    """
     from scipy.optimize import brentq
 
     wanted = ratio * grip_stiffness(subject.model(gains))

@@ -107,7 +107,7 @@ class Identification:
         return self.model.response(2.0 * np.pi * np.asarray(frequency_hz, dtype=float), washout=False)
 
     def ratios(self, run: Run) -> Complexes:
-        """A test's response over the direct result, at the test's frequencies."""
+        """A test's response over the direct result, at the test's frequencies. Shape (frequencies,)."""
         return np.asarray(run.response / self.direct(run.frequency_hz), dtype=np.complex128)
 
     def as_dict(self) -> dict[str, Any]:

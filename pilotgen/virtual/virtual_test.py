@@ -150,7 +150,7 @@ def sine_drive(frequency_hz: float, amplitude_m_s2: float, phase_rad: float = 0.
 
 
 def multisine_drive(frequencies_hz: Floats, amplitudes_m_s2: Floats, phases_rad: Floats) -> str:
-    """The sum of sines, one to a line."""
+    """The sum of sines, one to a line. All arrays have shape (n,)."""
     sines = [
         sine_drive(f, a, p)
         for f, a, p in zip(frequencies_hz.tolist(), amplitudes_m_s2.tolist(), phases_rad.tolist(), strict=True)
@@ -332,6 +332,8 @@ def random_test(
     progress: Callable[[int, int], None] | None = None,
 ) -> RandomEstimate:
     """Shake the seat by random motions of 1 to 10 Hz and estimate the response by H1.
+
+    EvaluationError if the motion is too short to estimate from.
 
     Each realisation is a sum of sines, 1/8 Hz apart, of equal acceleration and random phase; it repeats after 8 s, and
     one whole period is evaluated once the start has died away, so that nothing leaks. Averaging over realisations, each
