@@ -35,6 +35,7 @@ COMMANDS = (
     "identify",
     "report",
     "table",
+    "status",
 )
 
 # New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.

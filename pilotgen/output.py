@@ -25,6 +25,9 @@ from pilotgen.files import make_directory, write_text
 
 MARK_NAME = ".pilotgen.json"
 LOCK_NAME = ".lock"
+HEARTBEAT_NAME = ".heartbeat.json"  # of a run, while it goes on
+# Names that only pilotgen gives; SQLite makes the last two beside a journal, whoever reads it.
+OWN_NAMES = (MARK_NAME, LOCK_NAME, HEARTBEAT_NAME, "journal.sqlite-wal", "journal.sqlite-shm")
 FILETYPE, VERSION = "pilotgen output", 1
 NOT_HASHED = ("journal.sqlite*",)  # it grows by itself, and tells by itself whether it is whole
 SHOWN = 3  # names that a message lists
@@ -185,7 +188,7 @@ def _paths(directory: Path) -> list[str]:
         below = Path(place).relative_to(directory)
         links = [name for name in folders if (Path(place) / name).is_symlink()]
         found += [(below / name).as_posix() for name in [*files, *links]]
-    return sorted(path for path in found if path not in (MARK_NAME, LOCK_NAME, MARK_NAME + ".part"))
+    return sorted(path for path in found if path.removesuffix(".part") not in OWN_NAMES)
 
 
 def _matches(path: str, patterns: Sequence[str]) -> bool:
@@ -258,6 +261,6 @@ def _remove_if_empty(directory: Path) -> None:
     if _paths(directory):
         return
     with suppress(OSError):
-        for name in (MARK_NAME, LOCK_NAME):
+        for name in (MARK_NAME, LOCK_NAME, HEARTBEAT_NAME):
             (directory / name).unlink(missing_ok=True)
         directory.rmdir()

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.errors import StudyError
+from pilotgen.errors import FileError, StudyError
 from pilotgen.study.schema import locate, study_unit
 from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
     from pilotgen.evaluation import FailedEvaluation
+    from pilotgen.runs.monitor import Monitor
     from pilotgen.runs.options import RunOptions
 
 
@@ -134,6 +136,13 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS", default=None, help="address of a running dask scheduler, e.g. tcp://host:8786"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress line")
+    parser.add_argument(
+        "--log",
+        metavar="FILE",
+        type=user_path,
+        default=None,
+        help="append what happens to FILE, one JSON object a line (docs/long_runs.md)",
+    )
 
 
 def user_path(text: str) -> Path:
@@ -221,6 +230,23 @@ def run_options(args: argparse.Namespace) -> RunOptions:
         args.mbdae,
         args.mbdyn,
     )
+
+
+@contextmanager
+def monitored(args: argparse.Namespace, directory: Path, kind: str, study: str) -> Iterator[Monitor]:
+    """Heartbeat and --log of a long run, begun and ended whatever happens."""
+    from pilotgen import __version__
+    from pilotgen.runs.monitor import Monitor
+
+    monitor = Monitor(directory, args.log, say)
+    monitor.event("start", command=kind, study=study, directory=str(directory), pilotgen_version=__version__)
+    try:
+        yield monitor
+    except BaseException as error:
+        with suppress(FileError):  # what ended the run is what is told
+            monitor.end(f"{type(error).__name__}: {error}")
+        raise
+    monitor.end("done")
 
 
 EXIT_BELOW = 5

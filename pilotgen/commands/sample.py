@@ -61,14 +61,18 @@ def run(args: argparse.Namespace) -> int:
     line = ProgressLine(args.number, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:
+        monitor(progress, milestone)
         if line.due(milestone):
             left = line.time_left(progress.done)
             text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
             line.update(text + (f" | {left} left" if left else ""), milestone)
 
-    with claimed(args.output, "sample", STUDY_FILES, args.resume, args.overwrite) as directory:
+    with (
+        claimed(args.output, "sample", STUDY_FILES, args.resume, args.overwrite) as directory,
+        common.monitored(args, directory, "sample", study.name) as monitor,
+    ):
         try:
-            done = sample_study(study, directory, args.number, args.method, args.seed, options, show, common.say)
+            done = sample_study(study, directory, args.number, args.method, args.seed, options, show, monitor.say)
         finally:
             line.finish()
     print_sample(done)

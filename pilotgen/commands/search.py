@@ -68,14 +68,16 @@ def run(args: argparse.Namespace) -> int:
     line = ProgressLine(study.search.population * study.search.generations, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:
+        monitor(progress, milestone)
         if line.due(milestone):
             line.update(progress_text(progress, line.time_left(progress.done, progress.total)), milestone)
 
     with claimed(args.output, "search", STUDY_FILES, args.resume, args.overwrite) as directory:
-        try:
-            done = search_study(study, directory, options, show, args.extend, common.say)
-        finally:
-            line.finish()
+        with common.monitored(args, directory, "search", study.name) as monitor:
+            try:
+                done = search_study(study, directory, options, show, args.extend, monitor.say)
+            finally:
+                line.finish()
         incomplete: IncompleteOutput | None = None
         if not args.no_report:
             from pilotgen.report import write_report

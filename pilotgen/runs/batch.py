@@ -35,6 +35,7 @@ class Progress:
     generation: int = 0  # of a search, from 0
     generations: int = 0
     smallest: dict[str, float] = field(default_factory=dict)  # objective -> its smallest value, as ranked
+    last: Mapping[str, Any] = field(default_factory=dict, repr=False)  # the result object that came last
 
     @property
     def done(self) -> int:
@@ -119,6 +120,7 @@ class Batch:
 
     def _count(self, result: Mapping[str, Any]) -> None:
         progress = self.progress
+        progress.last = result
         if result["status"] != "ok":
             progress.failed += 1
         else:

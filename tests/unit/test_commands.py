@@ -491,3 +491,18 @@ def test_table_for_other_programs(run: Run, tmp_path: Path) -> None:
     refused(run("table", tmp_path / "out", "-o", file), "exists; choose another file")
     refused(run("table", tmp_path / "out", "--format", "parquet"), "name a file with -o")
     refused(run("table", tmp_path / "nothing"), "cannot be read as HDF5")
+
+
+def test_log_and_status_of_a_search(run: Run, tmp_path: Path) -> None:
+    study = changed(tmp_path, "population: 100", "population: 8", MAYO)
+    log = tmp_path / "log.jsonl"
+    options = ("--workers", "1", "--quiet", "--no-report", "--log", log)
+    assert run("search", study, "-o", tmp_path / "out", *options)[0] == 0
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    assert events[0]["event"] == "start" and events[0]["study"] == "puma-mayo"
+    assert events[-1]["event"] == "end" and events[-1]["how"] == "done"
+    code, out, _ = run("status", tmp_path / "out")
+    assert code == 0 and out.startswith("search finished\n") and "0 failed" in out
+    status = json.loads(run("status", tmp_path / "out", "--json")[1])
+    assert status["state"] == "finished" and status["evaluations"] == events[-1]["done"]
+    refused(run("status", tmp_path), "holds no study")

@@ -1,0 +1,80 @@
+"""A run told to others: heartbeat, log, status.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from pilotgen.commands.status import told
+from pilotgen.errors import FileError
+from pilotgen.output import HEARTBEAT_NAME, STUDY_FILES, claimed
+from pilotgen.runs.batch import Progress
+from pilotgen.runs.journal import JOURNAL_NAME, Journal, Record
+from pilotgen.runs.monitor import Monitor, read_status
+
+FAILED = {"status": "failed", "stage": "posture", "reason": "wrist", "values": {"bmi": 20.0}}
+
+
+def lines_of(path: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def test_log_has_what_happens_one_object_a_line(tmp_path: Path) -> None:
+    now = [0.0]
+    said: list[str] = []
+    monitor = Monitor(tmp_path, tmp_path / "log.jsonl", said.append, clock=lambda: now[0])
+    progress = Progress(total=40, evaluated=1, smallest={"gain_margin_db": 6.4})
+    monitor(progress, False)
+    monitor(progress, False)  # too soon to be told again
+    progress.failed, progress.last = 1, FAILED
+    monitor(progress, True)
+    monitor.say("a note")
+    now[0] = 11.0
+    monitor(progress, False)
+    monitor.end("done")
+    events = lines_of(tmp_path / "log.jsonl")
+    assert [event["event"] for event in events] == ["progress", "failure", "progress", "note", "progress", "end"]
+    assert events[1]["stage"] == "posture" and events[1]["values"] == {"bmi": 20.0}
+    assert events[-1]["how"] == "done" and events[-1]["done"] == 1 and events[-1]["smallest"] == {"gain_margin_db": 6.4}
+    assert said == ["a note"]
+    beat = json.loads((tmp_path / HEARTBEAT_NAME).read_text())
+    assert beat["seconds"] == 11.0 and beat["total"] == 40 and abs(beat["time"] - time.time()) < 60.0
+
+
+def test_status_of_a_study(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="holds no study"):
+        read_status(tmp_path)
+    with claimed(tmp_path, "search", STUDY_FILES) as directory:
+        with Journal(directory / JOURNAL_NAME) as journal:
+            for k, result in enumerate([{"status": "ok"}, FAILED, {"status": "ok"}]):
+                journal.add(Record(str(k), {}, result["status"], result, 0.1))
+            now = [0.0]
+            monitor = Monitor(directory, clock=lambda: now[0])
+            now[0] = 10.0
+            monitor(Progress(total=30, evaluated=20, generation=1, generations=3), True)
+            status = read_status(directory)  # while the journal is open
+        assert (status.kind, status.state, status.evaluations, status.failed) == ("search", "running", 3, 1)
+        assert status.failed_by_stage == {"posture": 1}
+        assert status.rate_per_s == 2.0 and status.left_s == 5.0
+        text = told(status)
+        assert "search running" in text and "1 at posture" in text
+        assert "generation 2 of 3" in text and "2.0 evaluations per second, at most 0:05 left" in text
+        json.dumps(status.to_dict(), allow_nan=False)
+    assert read_status(tmp_path).state == "finished"
+    with pytest.raises(RuntimeError), claimed(tmp_path, "search", STUDY_FILES, resume=True):
+        raise RuntimeError
+    assert "search interrupted; go on with --resume" in told(read_status(tmp_path))
+
+
+def test_a_log_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="the log cannot be written"):
+        Monitor(tmp_path, tmp_path / "none" / "log.jsonl")
+    monitor = Monitor(tmp_path, Path("/dev/full"))
+    with pytest.raises(FileError, match="/dev/full: the log cannot be written"):
+        monitor.event("start")
