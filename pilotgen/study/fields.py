@@ -313,9 +313,35 @@ class Name(Field):
         return data
 
 
-@dataclass(frozen=True)
-class Bounds(Field):
-    """A mapping from names of numbers (short names or paths) to `[lower, upper]`."""
+@dataclass(frozen=True, kw_only=True)
+class ByName(Field):
+    """A mapping from names of numbers (short names or paths) to something about each of them.
+
+    Attributes
+    ----------
+    entry : callable
+        (value of an entry, field of its number) -> what is kept of it; raises StudyError.
+    """
+
+    entry: Callable[[Value, Field], Any]
+
+
+def bounds(value: Value, number: Field) -> tuple[float, float]:
+    """Return an entry `[lower, upper]` of a mapping by names."""
+    if not isinstance(value.data, list) or len(value.data) != 2:
+        comma = DECIMAL_POINT if isinstance(value.data, list) and len(value.data) == 4 else decimal_comma(value.data)
+        raise value.error(f"must be a list of two bounds, [lower, upper]{comma}")
+    low, high = (number.read(value.child(k)) for k in (0, 1))
+    for k, bound in enumerate((low, high)):
+        if bound is None:
+            raise value.child(k).error("is no bound; a number is wanted")
+    if low > high:
+        raise value.error("has its lower bound above its upper bound; did you swap the bounds?")
+    if low == high:
+        name = str(value.path[-1])
+        where = "at its own place" if "." in name else "in nominal"
+        raise value.error(f"has equal bounds; to hold a value fixed leave {name} out here and set it {where}")
+    return low, high
 
 
 @dataclass(frozen=True)

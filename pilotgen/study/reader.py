@@ -5,19 +5,16 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.study.fields import (
-    DECIMAL_POINT,
     REQUIRED,
-    Bounds,
-    Field,
+    ByName,
     Problems,
     Section,
     Value,
-    decimal_comma,
     did_you_mean,
 )
 from pilotgen.study.schema import (
@@ -99,8 +96,8 @@ def _entry(entry: Value, path: str, model: str, problems: Problems) -> Any:
     declared = SCHEMA[path]
     if isinstance(declared, Section):
         return read_section(entry, path, model, problems)
-    if isinstance(declared, Bounds):
-        return read_by_name(entry, model, problems, _pair)
+    if isinstance(declared, ByName):
+        return read_by_name(entry, declared, model, problems)
     with problems.collect():
         return declared.read(entry)
     return None
@@ -136,22 +133,8 @@ def _unknown(entry: Value, key: str, known: Mapping[str, Any], declared: Section
     return StudyError(f"{text}{did_you_mean(key, list(known))}known keys: {', '.join(known)}")
 
 
-def read_by_name(
-    value: Value, model: str, problems: Problems, read: Callable[[Value, str, Field], Any]
-) -> dict[str, Any]:
-    """Return a mapping from names of numbers (short names or paths), in its order.
-
-    Parameters
-    ----------
-    value : Value
-        The mapping.
-    model : str
-        The pilot model; empty if it is not known.
-    problems : Problems
-        Gets the mistakes.
-    read : callable
-        (entry, name, field of the number) -> what is kept for that number.
-    """
+def read_by_name(value: Value, declared: ByName, model: str, problems: Problems) -> dict[str, Any]:
+    """Return the checked entries of a mapping from names of numbers (short names or paths), in its order."""
     own = ", ".join(PILOT_VALUES.get(model, ()))
     if not isinstance(value.data, dict) or not value.data:
         problem = "is empty" if value.data is None or value.data == {} else "is not a mapping"
@@ -163,31 +146,15 @@ def read_by_name(
         entry = value.child(name)
         with problems.collect():
             try:
-                place, declared = locate(name), field_of(name)
+                place, number = locate(name), field_of(name)
             except StudyError as error:
                 raise StudyError(f"{entry.place}{entry.key}: {name!r} {error}") from None
             if model and not applies(place[0], model):
                 raise entry.error(f"means nothing for pilot.model = {model!r}; remove it")
-            if not declared.numeric or place[0].partition(".")[0] in SECTIONS_OF_A_RUN:
+            if not number.numeric or place[0].partition(".")[0] in SECTIONS_OF_A_RUN:
                 raise entry.error("is nothing that can vary; numbers of pilot, cockpit and rotorcraft can")
             if place in seen:
                 raise entry.error(f"is the same number as {seen[place]}; keep one of them")
             seen[place] = name
-            kept[name.removeprefix("nominal.")] = read(entry, name, declared)
+            kept[name.removeprefix("nominal.")] = declared.entry(entry, number)
     return kept
-
-
-def _pair(entry: Value, name: str, declared: Field) -> tuple[float, float]:
-    if not isinstance(entry.data, list) or len(entry.data) != 2:
-        comma = DECIMAL_POINT if isinstance(entry.data, list) and len(entry.data) == 4 else decimal_comma(entry.data)
-        raise entry.error(f"must be a list of two bounds, [lower, upper]{comma}")
-    low, high = (declared.read(entry.child(k)) for k in (0, 1))
-    for k, bound in enumerate((low, high)):
-        if bound is None:
-            raise entry.child(k).error("is no bound; a number is wanted")
-    if low > high:
-        raise entry.error("has its lower bound above its upper bound; did you swap the bounds?")
-    if low == high:
-        section = locate(name)[0].partition(".")[0]
-        raise entry.error(f"has equal bounds; to hold a value fixed leave {name} out here and set it in {section}")
-    return low, high

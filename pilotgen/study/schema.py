@@ -21,7 +21,7 @@ from pilotgen.errors import StudyError
 from pilotgen.objectives import DEFAULT_OBJECTIVES, OBJECTIVES
 from pilotgen.study.fields import (
     REQUIRED,
-    Bounds,
+    ByName,
     Choice,
     Field,
     Name,
@@ -31,6 +31,7 @@ from pilotgen.study.fields import (
     Vector,
     Whole,
     Words,
+    bounds,
     did_you_mean,
 )
 from pilotgen.study.yaml_file import bundled
@@ -321,7 +322,7 @@ SCHEMA: Mapping[str, Field] = {
     ),
     # ---- search
     "search": Section(meaning="what the search varies and how"),
-    "search.variables": Bounds(meaning="bounds, as above"),
+    "search.variables": ByName(entry=bounds, meaning="bounds, as above"),
     "search.objectives": Words(tuple(OBJECTIVES), default=DEFAULT_OBJECTIVES, meaning="what is minimised"),
     "search.population": Whole(4, 100_000, meaning="individuals per generation; even for `nsga2`"),
     "search.generations": Whole(
@@ -415,7 +416,7 @@ def locate(name: str) -> tuple[str, int | None]:
     if f"nominal.{path}" in SCHEMA:
         path = f"nominal.{path}"
     row = SCHEMA.get(path)
-    if isinstance(row, Bounds):
+    if isinstance(row, ByName):
         raise StudyError("is not one number or word; change it in the study file")
     if row is None or (isinstance(row, Section) and not (row.null or row.words)):
         if isinstance(row, Section):
@@ -449,7 +450,7 @@ def names(model: str = "", numeric: bool = False) -> tuple[str, ...]:
     """
     found: list[str] = []
     for path, row in SCHEMA.items():
-        if (model and not applies(path, model)) or isinstance(row, Section | Bounds):
+        if (model and not applies(path, model)) or isinstance(row, Section | ByName):
             continue
         if numeric and path.partition(".")[0] in SECTIONS_OF_A_RUN:
             continue
