@@ -23,7 +23,8 @@ from pilotgen.activation.activation import Activations, solve_activations
 from pilotgen.activation.reflex import reflex_gains
 from pilotgen.anthropometry.biometrics import Biometrics, biometrics_from
 from pilotgen.anthropometry.body import Body, make_body
-from pilotgen.decks.deck import render_direct, render_posture, render_trim
+from pilotgen.anthropometry.torso import make_torso
+from pilotgen.decks.deck import GRAVITY_M_PER_S2, render_direct, render_posture, render_trim
 from pilotgen.errors import EvaluationError, FileError, MatrixError, SolverError, StudyError
 from pilotgen.files import to_json, write_text
 from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilot
@@ -34,12 +35,14 @@ from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
+from pilotgen.posture.seated_torso import SeatedTorso, seat_torso
 from pilotgen.solver.client import SolverClient, find_mbdae
 from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.solver.protocol import SolverReply
 from pilotgen.solver.scratch import ScratchDirectory
 from pilotgen.study.study import Study
+from pilotgen.study.torso_numbers import RIGID
 from pilotgen.summary import bdft_summary, result_file
 
 POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
@@ -249,6 +252,7 @@ class SolvedPilot:
     cockpit: Cockpit
     posture: Posture
     activations: Activations
+    torso: SeatedTorso | None  # None: rigid, one body with the seat
     deck: str
     matrices: Matrices | None  # None when the pilot's deck was not linearised
 
@@ -287,7 +291,7 @@ def solve_pilot(
     reply = context.ask("static", text, POSTURE_DECK, tolerance=POSTURE_TOLERANCE)
     posture = from_poses(body, cockpit, reply.nodes)
 
-    gains = reflex_gains(settings.task, settings.reflex)
+    gains = reflex_gains(settings.task, settings.torso["model"], settings.reflex)
     c = settings.matrix_coefficient_s
     text = render_trim(body, cockpit, posture, gains=gains, c=c)
     write(TRIM_DECK, text)
@@ -295,12 +299,23 @@ def solve_pilot(
     trim = read_matrices(trim_file, context.ask("linearise", text, TRIM_DECK, trim_file, nodes=False).datasets)
     activations = solve_activations(trim, body, cockpit, floor=settings.activation_floor)
 
+    torso = None
+    if settings.torso["model"] != RIGID:
+        springs = make_torso(biometrics, settings.limbs, settings.torso, study.cockpit["seat"])
+        torso = seat_torso(springs, body, cockpit, posture.nodes, activations.hand_loads, GRAVITY_M_PER_S2)
     text = render_direct(
-        body, cockpit, posture, activations=activations, muscle_lengths=trim.muscle_lengths, gains=gains, c=c
+        body,
+        cockpit,
+        posture,
+        activations=activations,
+        muscle_lengths=trim.muscle_lengths,
+        gains=gains,
+        c=c,
+        torso=torso,
     )
     write(PILOT_DECK, text)
     matrices = linearise_direct(context, text, where) if linearise else None
-    return SolvedPilot(study, biometrics, body, cockpit, posture, activations, text, matrices)
+    return SolvedPilot(study, biometrics, body, cockpit, posture, activations, torso, text, matrices)
 
 
 def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> Matrices:
@@ -349,7 +364,7 @@ def _evaluate_multibody(context: EvaluationContext, values: dict[str, Any], keep
         washout_rad_s=study.pilot.washout_rad_s,
         projection=study.pilot.projection,
     )
-    loop, verdict = _close_loop(context, study, model)
+    loop, verdict = close_loop(context, study, model)
     activation = pilot.activations
     result = {
         "status": "ok",
@@ -387,7 +402,7 @@ def _evaluate_mayo(context: EvaluationContext, values: dict[str, Any]) -> Evalua
         lever_length_m=study.inceptor.lever_length_m,
         washout_rad_s=study.pilot.washout_rad_s,
     )
-    loop, verdict = _close_loop(context, study, model)
+    loop, verdict = close_loop(context, study, model)
     result = {
         "status": "ok",
         "study": study.name,
@@ -399,7 +414,8 @@ def _evaluate_mayo(context: EvaluationContext, values: dict[str, Any]) -> Evalua
     return Evaluation(values, result, model, loop, verdict)
 
 
-def _close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> tuple[LoopModel, Margins]:
+def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> tuple[LoopModel, Margins]:
+    """The loop of a pilot with the rotorcraft that his study names, and its margins."""
     inceptor = study.inceptor
     same = study.rotorcraft is context.study.rotorcraft
     helicopter = context.helicopter if same else HeaveModel(study.rotorcraft)

@@ -56,7 +56,7 @@ def solve(
 ) -> WholePilot:
     """Posture, activations and feedthrough of a body in a cockpit; the calibrated gains of the position task."""
     cockpit = cockpit or cockpit_of(body)
-    gains = gains or calibrated_gains()["position"]
+    gains = gains or calibrated_gains("rigid")["position"]
     guess = first_guess(body, cockpit)
     reply = solver.request("static", deck_text=render_posture(body, cockpit, guess), name="posture.mbd")
     posture = from_poses(body, cockpit, reply.nodes)

@@ -26,6 +26,7 @@ from pilotgen.anthropometry.body import Body
 from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.posture.cockpit import Cockpit, PlacedInceptor
 from pilotgen.posture.kinematics import MIRROR, Pose, arm_geometry, cross
+from pilotgen.posture.seated_torso import Load
 from pilotgen.solver.descriptor import block
 from pilotgen.solver.matrices import Matrices
 
@@ -66,6 +67,9 @@ class Activations:
         the right arm). They carry the arm's weight and what the control needs.
     at_floor, saturated : tuple of str
         Muscles at the lower bound and at 1.
+    hand_loads : dict
+        What the control puts on the hand, by side: force [N], couple [N m] and the hand's origin, where the force acts
+        [m], world axes.
     """
 
     values: np.ndarray
@@ -76,6 +80,7 @@ class Activations:
     joint_torques_N_m: dict[str, float]
     at_floor: tuple[str, ...]
     saturated: tuple[str, ...]
+    hand_loads: dict[str, Load]
 
 
 @dataclass(frozen=True)
@@ -112,11 +117,14 @@ def solve_activations(matrices: Matrices, body: Body, cockpit: Cockpit, *, floor
     names = tuple(bytes(name).decode()[len("activation[") : -1] for name in matrices.inputs.name)
     values = np.zeros(sum(len(limb.muscles) for limb in body.limbs.values()))
     torques: dict[str, float] = {}
+    loads: dict[str, Load] = {}
     done = 0
     for side, limb in body.limbs.items():
         layout = _layout_of(matrices, side, cockpit.inceptors[side].name, done, len(limb.muscles))
         T = _virtual_motions(matrices, layout, limb, cockpit.torso[side], poses)
-        load = _hand_load(matrices, layout, cockpit.inceptors[side], poses[f"hand_{SUFFIX[side]}"])
+        hand = poses[f"hand_{SUFFIX[side]}"]
+        load = _hand_load(matrices, layout, cockpit.inceptors[side], hand)
+        loads[side] = _on_the_hand(load, hand)
         residual = matrices.residual[layout.force_rows]
         G = block(matrices.inputs.g_u, layout.force_rows, layout.muscle_columns)
         A, b = T.T @ G, -(T.T @ (residual + load))
@@ -137,6 +145,7 @@ def solve_activations(matrices: Matrices, body: Body, cockpit: Cockpit, *, floor
         joint_torques_N_m=torques,
         at_floor=tuple(name for name, a in by_name.items() if a <= floor + _BOUND_TOLERANCE),
         saturated=tuple(name for name, a in by_name.items() if a >= 1.0 - _BOUND_TOLERANCE),
+        hand_loads=loads,
     )
 
 
@@ -267,6 +276,13 @@ def _hand_load(matrices: Matrices, layout: _Layout, inceptor: PlacedInceptor, ha
     load[at_hand : at_hand + 3] = force
     load[at_hand + 3 : at_hand + 6] = cross(inceptor.grip_world_m - hand[0], force)
     return load
+
+
+def _on_the_hand(load: np.ndarray, hand: Pose) -> Load:
+    """The same as force, couple and place: a residual is minus the sum of forces."""
+    fx, fy, fz, mx, my, mz = (0.0 - load[6 * SEGMENTS.index("hand") :][:6]).tolist()
+    x, y, z = hand[0].tolist()
+    return (fx, fy, fz), (mx, my, mz), (x, y, z)
 
 
 def _passive(G: np.ndarray, matrices: Matrices, layout: _Layout) -> np.ndarray:

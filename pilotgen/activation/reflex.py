@@ -11,8 +11,8 @@ from pilotgen.study.study import Reflex, calibrated_gains
 __all__ = ["calibrated_gains", "reflex_gains"]
 
 
-def reflex_gains(task: str, override: Reflex | None = None) -> Reflex:
-    """The study's own gains if it gives any, else the calibrated ones of the task."""
+def reflex_gains(task: str, torso: str, override: Reflex | None = None) -> Reflex:
+    """The study's own gains if it gives any, else those calibrated for the task with this torso model."""
     if override is not None:
         return override
-    return calibrated_gains()[SCHEMA["pilot.task"].check(f"task = {task!r}", task)]
+    return calibrated_gains(torso)[SCHEMA["pilot.task"].check(f"task = {task!r}", task)]

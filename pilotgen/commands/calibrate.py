@@ -15,7 +15,7 @@ from pilotgen.commands import common
 from pilotgen.files import to_json, write_text
 
 if TYPE_CHECKING:
-    from pilotgen.virtual.calibration import Calibration
+    from pilotgen.virtual.calibration import Calibration, Seen
 
 WRITES = ("calibration.json", "reflex.yaml")
 
@@ -80,29 +80,27 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+HEADS = "    Hz  damping  tau s   grip at 3 Hz mm/(m/s^2)  gain margin dB"
+
+
 def report(found: Calibration) -> str:
     """Tables for a person."""
-    lines = ["reference pilots, position task      frequency  damping  grip at 3 Hz   grip stiffness"]
-    lines.append("                                     Hz         -        mm per m/s^2   N/m")
+    lines = [f"reference pilots, position task, {found.torso} torso", " " * 40 + HEADS]
     for pilot in found.pilots:
         body = f"{pilot.values['stature_m']:.2f} m, {pilot.values['mass_kg']:.0f} kg"
+        lines.append(f"  {pilot.name:16s} {body:14s} model  {_seen(pilot.seen)}  {pilot.gain_margin_db:8.2f}")
+        lines.append(f"  {'':31s} Mayo   {_seen(pilot.measured)}  {pilot.measured_gain_margin_db:8.2f}")
+    lines += ["", "static stiffness of the grip, N/m (of Mayo's frequency and the model's mass at the grip)"]
+    for pilot in found.pilots:
         lines.append(
-            f"  {pilot.name:12s} {body:14s} model  {pilot.frequency_hz:7.3f}  {pilot.damping:8.3f}  "
-            f"{pilot.grip_motion_mm_per_m_s2:9.2f}  {pilot.grip_stiffness_N_per_m:13.0f}"
+            f"  {pilot.name:16s} {pilot.grip_stiffness_N_per_m:5.0f} "
+            f"({pilot.measured_grip_stiffness_N_per_m:.0f} with {pilot.grip_mass_kg:.2f} kg)"
         )
-        lines.append(
-            f"  {'':27s} Mayo   {pilot.measured.frequency_hz:7.3f}  {pilot.measured.damping:8.3f}  "
-            f"{pilot.measured_grip_motion_mm_per_m_s2:9.2f}  {pilot.measured_grip_stiffness_N_per_m:13.0f} *"
-        )
-    lines.append("  * (2 pi f)^2 of Mayo's frequency times the model's driving-point mass at the grip, "
-                 + ", ".join(f"{pilot.grip_mass_kg:.2f} kg" for pilot in found.pilots))  # fmt: skip
-    lines.append("")
-    lines.append("task        Kp        Kd        Hz      damping  grip at 3 Hz  stiffness N/m   (mesomorphic pilot)")
+    lines += ["", f"tasks, {found.pilots[0].name} pilot", " " * 14 + "Kp        Kd    " + HEADS + "  N/m"]
     for name, task in found.tasks.items():
         lines.append(
-            f"  {name:8s} {task.gains.proportional_gain:8.5f}  {task.gains.derivative_gain:8.5f}  "
-            f"{task.frequency_hz:6.3f}  {task.damping:7.3f}  {task.grip_motion_mm_per_m_s2:12.2f}  "
-            f"{task.grip_stiffness_N_per_m:13.0f}"
+            f"  {name:8s} {task.gains.proportional_gain:8.5f}  {task.gains.derivative_gain:8.5f}  {_seen(task.seen)}  "
+            f"{task.gain_margin_db:8.2f}  {task.grip_stiffness_N_per_m:10.0f}"
         )
     if found.sensitivities:
         lines.append("")
@@ -113,3 +111,10 @@ def report(found: Calibration) -> str:
                 f"{row.gains.derivative_gain:8.5f}  {row.predicted_frequency_hz:8.3f}"
             )
     return "\n".join(lines) + "\n"
+
+
+def _seen(seen: Seen) -> str:
+    return (
+        f"{seen.frequency_hz:6.3f}  {seen.damping:7.3f}  {seen.time_constant_s:5.3f}  "
+        f"{seen.grip_motion_mm_per_m_s2:6.2f} at {seen.grip_phase_deg:6.1f} deg"
+    )

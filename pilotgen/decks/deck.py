@@ -28,9 +28,12 @@ from pilotgen.decks.parts import (
     spring_labels,
     velocity_factor,
 )
+from pilotgen.decks.template_cache import Part
 from pilotgen.decks.text import number, template
+from pilotgen.decks.torso_text import torso_text
 from pilotgen.posture.cockpit import Cockpit
 from pilotgen.posture.posture import Posture, PostureGuess
+from pilotgen.posture.seated_torso import SeatedTorso
 
 GRAVITY_M_PER_S2 = 9.81
 TIME_STEP_S = 1e-3
@@ -101,15 +104,23 @@ def _posture_text(posture: Posture) -> list[SimpleNamespace]:
 # ---- the decks -------------------------------------------------------------------------------------------------------
 
 
-def _counts(arms: int, last: str) -> dict[str, str]:
-    """Expressions of the control data: seat, then per arm the control and the arm; `last` joints of each arm."""
+def _counts(arms: int, last: str, torso: Part | None = None) -> dict[str, str]:
+    """Expressions of the control data: seat, torso, then per arm the control and the arm; `last` joints of each arm."""
     bones, joints = len(SEGMENTS), ARM_JOINTS
+    bodies, springs, carried = (len(torso.bodies), len(torso.springs), len(torso.carried_arms)) if torso else (0, 0, 0)
+    nodes_of_torso = f" + {bodies}" if torso else ""
+    springs_of_torso = f" + {springs}" if torso else ""
+    bodies_of_torso = f"{bodies + carried} + " if torso else ""
     if arms == 1:
-        return {"nodes": f"1 + 1 + {bones}", "bodies": f"1 + {bones}", "joints": f"1 + 1 + {joints} + {last}"}
+        return {
+            "nodes": f"1{nodes_of_torso} + 1 + {bones}",
+            "bodies": f"{bodies_of_torso}1 + {bones}",
+            "joints": f"1{springs_of_torso} + 1 + {joints} + {last}",
+        }
     return {
-        "nodes": f"1 + {arms}*(1 + {bones})",
-        "bodies": f"{arms}*(1 + {bones})",
-        "joints": f"1 + {arms}*(1 + {joints} + {last})",
+        "nodes": f"1{nodes_of_torso} + {arms}*(1 + {bones})",
+        "bodies": f"{bodies_of_torso}{arms}*(1 + {bones})",
+        "joints": f"1{springs_of_torso} + {arms}*(1 + {joints} + {last})",
     }
 
 
@@ -123,7 +134,7 @@ def render_posture(body: Body, cockpit: Cockpit, guess: PostureGuess) -> str:
     arms = []
     for side, limb in body.limbs.items():
         springs = spring_frames(limb, cockpit.inceptors[side], cockpit.torso[side])
-        arms.append(arm_text(body, cockpit, side, guess.nodes, torso="SEAT", labels=spring_labels(side), **springs))
+        arms.append(arm_text(body, cockpit, side, guess.nodes, labels=spring_labels(side), **springs))
     return template("posture.mbd.j2").render(
         person=_person_text(body, cockpit),
         has=_parts_in(body),
@@ -135,7 +146,10 @@ def render_posture(body: Body, cockpit: Cockpit, guess: PostureGuess) -> str:
 
 
 def render_trim(body: Body, cockpit: Cockpit, posture: Posture, *, gains: Gains, c: float) -> str:
-    """The pilot's deck with every muscle at rest: its residual is what the activations have to balance."""
+    """The pilot's deck with every muscle at rest: its residual is what the activations have to balance.
+
+    The torso is held still here, one body with the seat: in the posture nothing of it moves.
+    """
     muscles = sum(len(limb.muscles) for limb in body.limbs.values())
     return _render_pilot(
         body,
@@ -148,6 +162,7 @@ def render_trim(body: Body, cockpit: Cockpit, posture: Posture, *, gains: Gains,
         analysis=_analysis(c, TIME_STEP_S),
         activation_check=False,
         seat_drive="const, 0.",
+        seated=None,
     )
 
 
@@ -160,6 +175,7 @@ def render_direct(
     muscle_lengths: np.ndarray,
     gains: Gains,
     c: float,
+    torso: SeatedTorso | None = None,
     activation_check: bool = False,
     seat_drive: str = "const, 0.",
     final_time_s: float = TIME_STEP_S,
@@ -179,6 +195,8 @@ def render_direct(
         Reflex gains.
     c : float
         Coefficient of the matrix pair [s].
+    torso : SeatedTorso, optional
+        The torso between seat and shoulders; None: rigid, one body with the seat.
     activation_check : bool
         Clip activations to [0, 1]; no for linearisation, since clipping at rest has no derivative.
     seat_drive : str
@@ -197,6 +215,7 @@ def render_direct(
         analysis=_analysis(c, time_step_s, final_time_s),
         activation_check=activation_check,
         seat_drive=seat_drive,
+        seated=torso,
     )
 
 
@@ -221,8 +240,11 @@ def _render_pilot(
     analysis: dict[str, str],
     activation_check: bool,
     seat_drive: str,
+    seated: SeatedTorso | None,
 ) -> str:
-    arms = arms_with_muscles(body, cockpit, posture, "SEAT")
+    arms = arms_with_muscles(body, cockpit, posture)
+    torso = torso_text(seated) if seated is not None else None
+    carriers = [seated.torso.carriers[side].upper() if seated is not None else "SEAT" for side in body.limbs]
     muscles = len(body.limbs[next(iter(body.limbs))].muscles)
     return template("pilot.mbd.j2").render(
         trim=trim,
@@ -230,7 +252,9 @@ def _render_pilot(
         posture=_posture_text(posture),
         has=_parts_in(body),
         analysis=analysis,
-        counts=_counts(len(arms), str(muscles)),
+        counts=_counts(len(arms), str(muscles), torso),
+        torso=torso if torso is not None else False,
+        carriers=carriers,
         arms=arms,
         muscle_states=muscle_states(body, values, lengths),
         activation_check=activation_check,

@@ -151,11 +151,11 @@ def _bone_text(segment: Segment, name: str) -> SimpleNamespace:
 # ---- muscles ---------------------------------------------------------------------------------------------------------
 
 
-def _muscle_texts(limb: Limb, torso_node: str) -> list[SimpleNamespace]:
-    """What the muscles of an arm are, whatever they do."""
+def _muscle_texts(limb: Limb) -> list[SimpleNamespace]:
+    """What the muscles of an arm are, whatever they do and whatever carries their origins on the torso."""
     S = SUFFIX[limb.side].upper()
     place = {name: f"{name.upper()}_{S}, position, {_IN_NODE}" for name in SEGMENTS}
-    place["torso"] = f"{torso_node}, position, reference, GLENOHUMERAL_{S}, "
+    place["torso"] = f", position, reference, GLENOHUMERAL_{S}, "
     origins = vectors(np.array([muscle.origin_m for muscle in limb.muscles]))
     insertions = vectors(np.array([muscle.insertion_m for muscle in limb.muscles]))
     return [
@@ -164,6 +164,8 @@ def _muscle_texts(limb: Limb, torso_node: str) -> list[SimpleNamespace]:
             full_name=muscle.full_name,
             L0=number(muscle.l0_m),
             F0=number(muscle.F0_N),
+            from_torso=muscle.origin_body == "torso",
+            to_torso=muscle.insertion_body == "torso",
             origin=place[muscle.origin_body] + origin,
             insertion=place[muscle.insertion_body] + insertion,
         )
@@ -172,16 +174,16 @@ def _muscle_texts(limb: Limb, torso_node: str) -> list[SimpleNamespace]:
 
 
 @Latest
-def arms_with_muscles(body: Body, cockpit: Cockpit, posture: Posture, torso_node: str) -> list[Part]:
-    """Text of the arms, without what the muscles do; `torso_node` carries shoulders and muscle origins."""
+def arms_with_muscles(body: Body, cockpit: Cockpit, posture: Posture) -> list[Part]:
+    """Text of the arms, without what the muscles do: the trim deck and the pilot's deck have the same."""
     arms = []
     for side, limb in body.limbs.items():
         S = SUFFIX[side].upper()
-        muscles = _muscle_texts(limb, torso_node)
+        muscles = _muscle_texts(limb)
         base = 200 if side == "left" else 300
         labels = [(muscle.name, base + i) for i, muscle in enumerate(muscles, start=1)]
         bodies = [_bone_text(limb.segments[name], f"{name.upper()}_{S}") for name in SEGMENTS]
-        more = {"torso": torso_node, "labels": labels, "bodies": bodies, "muscles": muscles}
+        more = {"labels": labels, "bodies": bodies, "muscles": muscles}
         arms.append(Part(**arm_text(body, cockpit, side, posture.nodes, **more)))
     return arms
 

@@ -34,9 +34,20 @@ def cockpit_from(checked: str | Mapping[str, Any] | None) -> CockpitNumbers:
     base = _bundled()
     if checked is None or isinstance(checked, str):
         return base
-    merged = {section: {**numbers, **checked.get(section, {})} for section, numbers in base.items()}
+    merged = {section: _merged(numbers, checked.get(section, {})) for section, numbers in base.items()}
     _check_together(merged)
     return merged
+
+
+def _merged(numbers: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers with changes; a mapping among them is changed key by key, `none` makes it None."""
+    found = {**numbers, **changes}
+    for key, data in found.items():
+        if isinstance(data, Mapping):
+            found[key] = {**(numbers[key] or {}), **data}
+        elif data == "none":
+            found[key] = None
+    return found
 
 
 @cache

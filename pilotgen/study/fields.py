@@ -265,6 +265,17 @@ class Choice(Field):
 
 
 @dataclass(frozen=True)
+class Truth(Field):
+    """True or false."""
+
+    def check(self, what: str, data: Any) -> bool:
+        """Return the truth value."""
+        if not isinstance(data, bool):
+            raise StudyError(f"{what} is neither true nor false; one of them is wanted{self.advice(data)}")
+        return data
+
+
+@dataclass(frozen=True)
 class Words(Field):
     """A list of different words, one at least; `must` has to be among them."""
 

@@ -28,6 +28,7 @@ from pilotgen.study.fields import (
     Number,
     Section,
     Text,
+    Truth,
     Vector,
     Whole,
     Words,
@@ -72,6 +73,25 @@ def _height_hint(value: Any) -> str:
 
 _POINT = "position from the neutral seat reference point: x forward, y up, z right"
 _MASS, _INERTIA, _AXIAL = (0.01, 20.0, "kg"), (1e-4, 10.0, "kg m^2"), (1e-6, 10.0, "kg m^2")
+
+# Springs of a torso: positive stiffness, no negative damping, so that every K is definite and every C semidefinite.
+_STIFFNESS, _DAMPING = (100.0, 1e8, "N/m"), (0.0, 1e6, "N s/m")
+_SLIDE = (0.0, 1e8, "N/m")
+_TURN, _TURN_DAMPER = (0.1, 1e6, "N m/rad"), (0.0, 1e5, "N m s/rad")
+
+
+def _spring(path: str, first: str, second: str, meaning: str) -> dict[str, Field]:
+    """Rows of a spring with dampers in two directions and in pitch."""
+    return {
+        path: Section(default=None, meaning=meaning),
+        f"{path}.{first}_n_per_m": Number(*_STIFFNESS, default=None, meaning="stiffness"),
+        f"{path}.{second}_n_per_m": Number(*_STIFFNESS, default=None, meaning="stiffness"),
+        f"{path}.pitch_n_m_per_rad": Number(*_TURN, default=None, meaning="pitch stiffness"),
+        f"{path}.{first}_n_s_per_m": Number(*_DAMPING, default=None, meaning="damping"),
+        f"{path}.{second}_n_s_per_m": Number(*_DAMPING, default=None, meaning="damping"),
+        f"{path}.pitch_n_m_s_per_rad": Number(*_TURN_DAMPER, default=None, meaning="pitch damping"),
+    }
+
 
 SCHEMA: Mapping[str, Field] = {
     "study": Name(meaning="names the results"),
@@ -221,6 +241,39 @@ SCHEMA: Mapping[str, Field] = {
         meaning="activation per relative stretch velocity; positive opposes stretch",
         model=MULTIBODY,
     ),
+    # ---- torso: what a missing key stands for is in pilotgen/data/torso.yaml; numbers are of its reference person
+    "pilot.torso": Section(
+        default=None, model=MULTIBODY, meaning="what is between seat and shoulders ([theory](../theory/torso.md))"
+    ),
+    "pilot.torso.model": Choice(
+        ("lumped", "rigid"),
+        default=None,
+        meaning="rigid bodies on springs, or one body with the seat",
+    ),
+    "pilot.torso.age_trend": Truth(default=None, meaning="whether the seated body's resonance rises with age"),
+    "pilot.torso.bmi_trend": Truth(default=None, meaning="whether it falls with body mass index"),
+    **_spring("pilot.torso.buttocks", "fore_aft", "vertical", "buttocks, between pan or seat and pelvis"),
+    **_spring("pilot.torso.lumbar", "shear", "axial", "lumbar spine, between pelvis and thorax, along the seat back"),
+    **_spring("pilot.torso.neck", "fore_aft", "vertical", "neck, between thorax and head"),
+    "pilot.torso.viscera": Section(default=None, meaning="viscera, hung in the pelvis"),
+    "pilot.torso.viscera.vertical_hz": Number(1.0, 20.0, "Hz", default=None, meaning="natural frequency, vertical"),
+    "pilot.torso.viscera.damping_ratio": Number(0.0, 2.0, "", default=None, meaning="its damping ratio"),
+    "pilot.torso.viscera.fore_aft_stiffness_ratio": Number(
+        0.1, 10.0, "", default=None, meaning="fore-aft stiffness over vertical stiffness"
+    ),
+    "pilot.torso.viscera.pitch_n_m_per_rad": Number(*_TURN, default=None, meaning="pitch stiffness, not scaled"),
+    "pilot.torso.viscera.pitch_n_m_s_per_rad": Number(*_TURN_DAMPER, default=None, meaning="pitch damping, not scaled"),
+    "pilot.torso.girdle": Section(
+        default=None,
+        null=True,
+        words=lambda: ("none",),
+        meaning="clavicle and scapula of each arm as a body of their own, or none",
+    ),
+    "pilot.torso.girdle.stiffness_n_per_m": Number(*_STIFFNESS, default=None, meaning="in every direction"),
+    "pilot.torso.girdle.damping_n_s_per_m": Number(*_DAMPING, default=None, meaning="in every direction"),
+    "pilot.torso.girdle.rotation_n_m_per_rad": Number(*_TURN, default=None, meaning="about every axis"),
+    "pilot.torso.girdle.rotation_n_m_s_per_rad": Number(*_TURN_DAMPER, default=None, meaning="about every axis"),
+    "pilot.torso.girdle.mass_kg": Number(0.1, 10.0, "kg", default=None, meaning="of one side, taken from the thorax"),
     # ---- cockpit: what a missing key stands for is in pilotgen/data/cockpit.yaml
     "cockpit": Section(
         default=None,
@@ -246,6 +299,23 @@ SCHEMA: Mapping[str, Field] = {
         default=None,
         meaning="eye height above the pan, along the back, for which the cockpit was laid out",
     ),
+    "cockpit.seat.cushion": Section(
+        default=None,
+        null=True,
+        words=lambda: ("none",),
+        meaning="cushion under the pan, or none for a rigid pan; for a torso that is not rigid",
+    ),
+    "cockpit.seat.cushion.stiffness_n_per_m": Number(
+        *_STIFFNESS, default=None, meaning="vertical; fore and aft half of it"
+    ),
+    "cockpit.seat.cushion.damping_n_s_per_m": Number(*_DAMPING, default=None, meaning="vertical; fore and aft half"),
+    "cockpit.seat.back": Section(default=None, meaning="back cushion and harness, for a torso that is not rigid"),
+    "cockpit.seat.back.normal_n_per_m": Number(*_STIFFNESS, default=None, meaning="across the back"),
+    "cockpit.seat.back.tangential_n_per_m": Number(
+        *_SLIDE, default=None, meaning="along the back: friction, clothing, belts; 0 for a back that slides"
+    ),
+    "cockpit.seat.back.normal_n_s_per_m": Number(*_DAMPING, default=None, meaning="damping across the back"),
+    "cockpit.seat.back.tangential_n_s_per_m": Number(*_DAMPING, default=None, meaning="damping along the back"),
     "cockpit.shoulder": Section(default=None, meaning="where the shoulder joints are"),
     "cockpit.shoulder.acromion_above_GH_m": Number(
         0.0, 0.1, "m", default=None, meaning="shoulder point above the shoulder joint's centre"

@@ -33,6 +33,7 @@ from pilotgen.study.schema import (
     defaults,
     locate,
 )
+from pilotgen.study.torso_numbers import RIGID, TorsoNumbers, torso_from
 from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,
@@ -76,6 +77,7 @@ class PilotSettings:
     strength_factor: float = 1.0  # times the muscle force that the biometrics give
     matrix_coefficient_s: float = 0.01
     reflex: Reflex | None = None  # None: the calibrated gains of the task
+    torso: TorsoNumbers = field(default_factory=lambda: torso_from(None))
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,9 @@ class Study:
             found[keys[0]] = found["bmi"] * squared if keys[0] == "mass_kg" else found["mass_kg"] / squared
         for key in keys:
             if found is None and path.startswith("pilot.reflex."):
-                found = dataclasses.asdict(calibrated_gains()[self.pilot.task])
+                found = dataclasses.asdict(calibrated_gains(self.pilot.torso["model"])[self.pilot.task])
+            if found is None and path.startswith("pilot.torso.girdle."):
+                found = dict(bundled("torso").value["girdle"])
             found = found[key]
         return found if index is None else found[index]
 
@@ -238,6 +242,8 @@ class Study:
         changed = {_ATTRIBUTE.get(section, section): _MAKERS[section](tree) for section, tree in trees.items()}
         study = dataclasses.replace(self, **changed)
         _check_together(study)
+        for path, data in changes.items():
+            _check_for_rigid(study, path, data)
         return study
 
     def _plain(self, section: str) -> Any:
@@ -323,9 +329,15 @@ def apply_settings(study: Study, settings: Mapping[str, str]) -> tuple[Study, di
 
 
 @cache
-def calibrated_gains() -> Mapping[str, Reflex]:
-    """Gains of every task as `pilotgen calibrate` found them (pilotgen/data/reflex.yaml, docs/theory/pilot.md)."""
-    tasks = Value(bundled("reflex"), ("tasks",))
+def calibrated_gains(torso: str) -> Mapping[str, Reflex]:
+    """Gains of every task as `pilotgen calibrate` found them (pilotgen/data/reflex.yaml, docs/theory/calibration.md).
+
+    Parameters
+    ----------
+    torso : str
+        Model of the torso; each has gains of its own.
+    """
+    tasks = Value(bundled("reflex"), ("torso", torso))
     keys = [f.name for f in dataclasses.fields(Reflex)]
     return {
         task: Reflex(**{key: SCHEMA[f"pilot.reflex.{key}"].read(tasks.child(task).child(key)) for key in keys})
@@ -348,6 +360,7 @@ def _study(document: YamlDocument) -> Study:
     study = Study(**parts, text=document.text, path=document.name, lines=dict(document.lines))
     try:
         _check_together(study)
+        _check_torso(study, tree)
     except Mistake as mistake:
         raise _placed(mistake, document) from None
     return study
@@ -392,10 +405,10 @@ def _from_text(name: str, text: str) -> Any:
 
 def _pilot(data: Mapping[str, Any]) -> PilotSettings:
     usual = {key: value for key, value in defaults("pilot").items() if applies(f"pilot.{key}", data["model"])}
-    settings = PilotSettings(**{**usual, **data, "reflex": None})
+    settings = PilotSettings(**{**usual, **data, "reflex": None, "torso": torso_from(data.get("torso"))})
     if data.get("reflex") is None:
         return settings
-    calibrated = dataclasses.asdict(calibrated_gains()[settings.task])
+    calibrated = dataclasses.asdict(calibrated_gains(settings.torso["model"])[settings.task])
     return dataclasses.replace(settings, reflex=Reflex(**{**calibrated, **data["reflex"]}))
 
 
@@ -443,3 +456,29 @@ def _check_together(study: Study) -> None:
                 list(bounds),
                 f"does not go with nominal.{other}; use mass_kg in both or bmi in both",
             )
+        _check_for_rigid(study, name, list(bounds), f"search.variables.{name}")
+
+
+_ONLY_WITH_SPRINGS = ("cockpit.seat.cushion", "cockpit.seat.back", "pilot.torso")
+
+
+def _check_torso(study: Study, tree: Mapping[str, Any]) -> None:
+    """Raise Mistake if a study gives numbers to what its rigid torso does not have."""
+    for path in _ONLY_WITH_SPRINGS:
+        data: Any = tree
+        for key in path.split("."):
+            data = data.get(key) if isinstance(data, Mapping) else None
+        for key in data if path == "pilot.torso" and isinstance(data, Mapping) else ():
+            _check_for_rigid(study, f"{path}.{key}", data[key])
+        if path != "pilot.torso" and data is not None:
+            _check_for_rigid(study, path, data)
+
+
+def _check_for_rigid(study: Study, path: str, data: Any, place: str | None = None) -> None:
+    springs = path.startswith(_ONLY_WITH_SPRINGS) and path != "pilot.torso.model"
+    if springs and study.pilot.model != MAYO and study.pilot.torso["model"] == RIGID and data != "none":
+        raise Mistake(
+            place or path,
+            data,
+            "means nothing for pilot.torso.model = 'rigid', which has no springs; remove one of them",
+        )

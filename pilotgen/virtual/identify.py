@@ -193,7 +193,7 @@ def identify(
     started = time.perf_counter()
     pilot = solve_pilot(context, values, keep)
     study = pilot.study
-    gains = reflex_gains(study.pilot.task, study.pilot.reflex)
+    gains = reflex_gains(study.pilot.task, study.pilot.torso["model"], study.pilot.reflex)
     middle = time.perf_counter()
     matrices = linearise_direct(context, pilot.deck, context.scratch)
     model = make_pilot_model(matrices, lever_length_m=study.inceptor.lever_length_m)

@@ -202,6 +202,7 @@ class VirtualTest:
             muscle_lengths=self._lengths,
             gains=self._gains,
             c=pilot.study.pilot.matrix_coefficient_s,
+            torso=pilot.torso,
             activation_check=activation_check,
             seat_drive=drive,
             final_time_s=final_time_s,

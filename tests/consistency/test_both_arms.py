@@ -1,4 +1,4 @@
-"""Two arms: the collective does not feel the right one, and left and right are mirror images.
+"""Two arms: on a rigid torso the collective does not feel the right one, and left and right are mirror images.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -24,7 +24,7 @@ OMEGA = 2.0 * np.pi * np.geomspace(0.1, 20.0, 40)
 
 
 def with_limbs(*limbs: str) -> Study:
-    study = read_study(STUDY)
+    study, _ = read_study(STUDY).with_values({"pilot.torso.model": "rigid"})
     return dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, limbs=limbs))
 
 

@@ -14,21 +14,26 @@ import pytest
 from whole_pilots import WholePilot, body_of, cockpit_of, heavier, solve, stronger
 
 from pilotgen.activation.reflex import calibrated_gains
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, solve_pilot
+from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate, solve_pilot
 from pilotgen.linear.feedthrough import certificate
 from pilotgen.posture.cockpit import make_cockpit
 from pilotgen.solver.client import SolverClient
-from pilotgen.study.study import Reflex, read_study
+from pilotgen.study.study import Reflex, Study, read_study
 from pilotgen.virtual.calibration import grip_mass, grip_stiffness
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 PILOTS = 12  # of each box and sex; 1600 were run once, docs/validation.md
 
 
+def study_of(name: str, torso: str = "rigid") -> Study:
+    return read_study(STUDIES / f"{name}.yaml").with_values({"pilot.torso.model": torso})[0]
+
+
+@pytest.mark.parametrize("torso", ["rigid", "lumped"])
 @pytest.mark.parametrize("sex", ["male", "female"])
 @pytest.mark.parametrize("name", ["puma-bmi", "puma-mass"])
-def test_random_pilots_are_certified_and_stable(mbdae: Path, name: str, sex: str) -> None:
-    study = read_study(STUDIES / f"{name}.yaml")
+def test_random_pilots_are_certified_and_stable(mbdae: Path, name: str, sex: str, torso: str) -> None:
+    study = study_of(name, torso)
     study = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, sex=sex))
     low, high = np.array(list(study.search.variables.values())).T
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
@@ -36,11 +41,14 @@ def test_random_pilots_are_certified_and_stable(mbdae: Path, name: str, sex: str
     with EvaluationContext(study, mbdae=str(mbdae)) as context:
         for point in points:
             outcome = evaluate(context, dict(zip(study.search.variables, point.tolist(), strict=True)))
+            if isinstance(outcome, FailedEvaluation) and name == "puma-mass" and torso == "lumped":
+                assert outcome.stage == "torso" and "outside 3.2 to 7 Hz" in outcome.reason  # 1.55 m and 110 kg
+                continue
             assert isinstance(outcome, Evaluation), outcome
             assert outcome.result["bdft"]["certificate"] < 1e-8
             assert outcome.pilot_model.poles.real.max() < -1.0  # 1/s: settles within seconds
             frequency, damping = outcome.pilot_model.dominant_pair()
-            assert 2.3 < frequency < 5.5 and 0.15 < damping < 0.45
+            assert (2.3 < frequency < 5.5 and 0.15 < damping < 0.45) or torso == "lumped"
             assert 0.1 < outcome.result["bdft"]["grip_motion_3hz_mm_per_m_s2"] < 6.0
 
 
@@ -48,7 +56,7 @@ def test_random_pilots_are_certified_and_stable(mbdae: Path, name: str, sex: str
 def test_the_posture_does_not_depend_on_how_far_the_guess_goes(
     mbdae: Path, limbs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study = read_study(STUDIES / "puma-mass.yaml")
+    study = study_of("puma-mass")
     study = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, limbs=limbs))
     low, high = np.array(list(study.search.variables.values())).T
     points = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
@@ -110,7 +118,7 @@ def test_stronger_muscles_are_stiffer(solver: SolverClient, tmp_path: Path, nomi
 
 
 def test_reflexes_stiffen_and_damp(solver: SolverClient, tmp_path: Path, nominal: WholePilot) -> None:
-    Kp, Kd = dataclasses.astuple(calibrated_gains()["position"])
+    Kp, Kd = dataclasses.astuple(calibrated_gains("rigid")["position"])
     by_Kp = [solve(solver, tmp_path, nominal.body, gains=Reflex(factor * Kp, Kd)) for factor in (0.5, 1.0, 1.5)]
     assert np.all(np.diff([frequency(pilot) for pilot in by_Kp]) > 0.3)
     by_Kd = [solve(solver, tmp_path, nominal.body, gains=Reflex(Kp, factor * Kd)) for factor in (0.5, 1.0, 1.5)]

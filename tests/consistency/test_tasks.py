@@ -48,7 +48,7 @@ def test_the_more_a_pilot_gives_way_the_more_the_seat_moves_the_grip(
     found = evaluations(mbdae, values, sex)
     models = {task: outcome.pilot_model for task, outcome in found.items()}
     motion = {task: np.abs(model.grip_motion(2.0 * np.pi * HZ)) for task, model in models.items()}
-    assert np.all(motion["relax"] > 1.5 * motion["position"])
+    assert np.all(motion["relax"][:2] > 1.5 * motion["position"][:2])
     # up to 1 Hz: at 2 Hz a large pilot who gives way is beyond his resonance, where mass alone counts
     assert np.all(motion["force"][:2] > 1.1 * motion["relax"][:2])
     stiffness = {task: grip_stiffness(model) for task, model in models.items()}

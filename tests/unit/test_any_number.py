@@ -78,7 +78,7 @@ def test_names_are_short_for_the_pilots_own_values_and_paths_for_the_rest() -> N
 
 
 def test_a_gain_counts_on_top_of_the_calibrated_ones() -> None:
-    calibrated = calibrated_gains()
+    calibrated = calibrated_gains("lumped")
     assert STUDY.value("pilot.reflex.derivative_gain") == calibrated["position"].derivative_gain
     study, _ = STUDY.with_values({"pilot.reflex.proportional_gain": 1.5, "pilot.task": "relax"})
     assert study.pilot.reflex == dataclasses.replace(calibrated["relax"], proportional_gain=1.5)

@@ -11,15 +11,18 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from study_texts import MAYO, MULTIBODY, changed
 
 from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import cockpit_numbers
-from pilotgen.study.fields import Choice, Number, Section, Vector, Whole, Words
+from pilotgen.study.fields import Choice, Number, Section, Truth, Vector, Whole, Words
 from pilotgen.study.schema import SCHEMA
 from pilotgen.study.study import Inceptor, Study, apply_settings, read_study, study_from_text
+from pilotgen.study.torso_numbers import torso_from
+from pilotgen.study.yaml_file import bundled
 
 ROOT = Path(__file__).parents[2]
 STUDIES = ROOT / "docs" / "studies"
@@ -175,7 +178,7 @@ def test_a_study_can_be_sent_to_a_worker() -> None:
 def test_format_page_tells_every_key_with_its_unit_range_and_default() -> None:
     page = (ROOT / "docs" / "io_formats" / "study.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `([A-Za-z0-9_.]+)` \|(.*)\|$", page, flags=re.MULTILINE))
-    bundled = cockpit_numbers()
+    torso = {**torso_from(None), "girdle": bundled("torso").value["girdle"]}
     for path, declared in SCHEMA.items():
         key = path.removeprefix("nominal.")
         if isinstance(declared, Section) and key not in rows:
@@ -191,9 +194,10 @@ def test_format_page_tells_every_key_with_its_unit_range_and_default() -> None:
             assert all(f"`{word}`" in told for word in declared.choices), path
         if isinstance(declared, Number) and isinstance(declared.default, float):
             assert declared.default in [float(cell) for cell in cells if re.fullmatch(r"[0-9.]+", cell)], path
-        if path.startswith("cockpit.") and not isinstance(declared, Section):
-            _, section, name = path.split(".")
-            value = bundled[section][name]
+        if path.startswith(("cockpit.", "pilot.torso.")) and not isinstance(declared, Section | Truth | Choice):
+            value: Any = {"cockpit": cockpit_numbers(), "pilot": {"torso": torso}}
+            for name in path.split("."):
+                value = value[name]
             assert (str(value) if isinstance(value, list) else f"{value:g}") in cells, path
         if not isinstance(declared, Section):
             assert declared.meaning in told, path

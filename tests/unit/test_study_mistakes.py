@@ -30,7 +30,7 @@ MISTAKES = [
         "sex: male",
         "sexe: male",
         "s.yaml:6: pilot.sexe: key 'sexe' is not known here; did you mean 'sex'? known keys: model, washout_rad_s, "
-        "sex, task, projection, seat, activation_floor, strength_factor, matrix_coefficient_s, limbs, reflex",
+        "sex, task, projection, seat, activation_floor, strength_factor, matrix_coefficient_s, limbs, reflex, torso",
     ),
     ("sex: male", "sex: man", "s.yaml:6: pilot.sex = 'man' is not known; choose one of: male, female"),
     ("  sex: male\n", "", "s.yaml:4: key 'sex' is missing in 'pilot'; add it"),
@@ -339,3 +339,48 @@ def test_any_value_at_any_key(key: str, data: st.DataObject) -> None:
         study_from_text(text, "s.yaml")
     except StudyError as error:
         assert re.match(r"s\.yaml:\d+: ", str(error)), str(error)
+
+
+RIGID = "means nothing for pilot.torso.model = 'rigid'"
+
+
+@pytest.mark.parametrize(
+    ("pilot", "cockpit", "words"),
+    [
+        ("torso: {buttocks: {vertical_n_per_m: 0}}", "", "pilot.torso.buttocks.vertical_n_per_m = 0 is outside 100 to"),
+        ("torso: {lumbar: {axial_n_per_m: -2e5}}", "", "pilot.torso.lumbar.axial_n_per_m = -200000 is outside"),
+        ("torso: {neck: {pitch_n_m_s_per_rad: -1}}", "", "pilot.torso.neck.pitch_n_m_s_per_rad = -1 is outside 0 to"),
+        ("torso: {age_trend: 1}", "", "pilot.torso.age_trend = 1 is neither true nor false"),
+        ("torso: {modle: rigid}", "", "did you mean 'model'?"),
+        (
+            "torso: {model: rigid}",
+            "seat: {cushion: {stiffness_n_per_m: 2e5}}",
+            "means nothing for pilot.torso.model = 'rigid'",
+        ),
+        (
+            "torso: {model: rigid}",
+            "seat: {back: {normal_n_per_m: 2e4}}",
+            "means nothing for pilot.torso.model = 'rigid'",
+        ),
+        ("torso: {model: rigid, bmi_trend: false}", "", RIGID),
+        (
+            "sex: male",
+            "seat: {cushion: {stiffness_n_per_m: -1}}",
+            "cushion.stiffness_n_per_m = -1 is outside",
+        ),
+        ("torso: {girdle: off}", "", "pilot.torso.girdle = 'off'"),
+    ],
+)
+def test_mistakes_about_the_torso(pilot: str, cockpit: str, words: str) -> None:
+    text = changed("  sex: male", f"  sex: male\n  {pilot}" if pilot != "sex: male" else "  sex: male")
+    text += f"cockpit:\n  {cockpit}\n" if cockpit else ""
+    with pytest.raises(StudyError, match=re.escape(words)):
+        study_from_text(text, "s.yaml")
+
+
+def test_springs_of_a_rigid_torso_by_their_paths() -> None:
+    study = study_from_text(changed("  sex: male", "  sex: male\n  torso: {model: rigid}"), "s.yaml")
+    with pytest.raises(StudyError, match="means nothing for pilot.torso.model = 'rigid'"):
+        study.with_values({"cockpit.seat.cushion.stiffness_n_per_m": 2e5})
+    moved, _ = study.with_values({"pilot.torso.model": "lumped", "cockpit.seat.cushion": "none"})
+    assert moved.cockpit["seat"]["cushion"] is None and moved.pilot.torso["model"] == "lumped"

@@ -1,0 +1,66 @@
+"""What a template knows about the torso: bodies, frames, springs with their prestress, all as text.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from pilotgen.decks.template_cache import Part
+from pilotgen.decks.text import number
+from pilotgen.posture.seated_torso import Point, SeatedTorso
+
+FIRST_NODE, FIRST_SPRING, FIRST_FRAME = 31, 131, 31  # labels
+DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
+
+
+def torso_text(seated: SeatedTorso) -> Part:
+    """The torso of one pilot in his seat."""
+    torso = seated.torso
+    numbered = {row.name: FIRST_NODE + i for i, row in enumerate(torso.bodies)}
+    bodies = [
+        SimpleNamespace(
+            name=row.name.upper(),
+            what=row.what,
+            label=numbered[row.name],
+            place=_point(seated.places[row.name]),
+            mass=number(row.mass_kg),
+            inertia=number(row.mass_kg * row.gyration_m**2),
+        )
+        for row in torso.bodies
+    ]
+    springs = [
+        SimpleNamespace(
+            name=f"{spring.name.upper()}_SPRING",
+            of=spring.name.upper(),
+            frame=f"{spring.name.upper()}_AT",
+            label=FIRST_SPRING + i,
+            frame_label=FIRST_FRAME + i,
+            first=spring.first.upper(),
+            second=spring.second.upper(),
+            inclined=spring.inclined,
+            carries=spring.carries,
+            place=_point(seated.points[spring.name]),
+            K=[(direction, number(k)) for direction, k in zip(DIRECTIONS, spring.stiffness, strict=True)],
+            C=[(direction, number(c)) for direction, c in zip(DIRECTIONS, spring.damping, strict=True)],
+            prestress=", ".join(number(load) for load in seated.prestress[spring.name]),
+        )
+        for i, spring in enumerate(torso.springs)
+    ]
+    carrier = seated.places["thorax"]
+    arms = [
+        SimpleNamespace(
+            name=f"CARRIED_{side.upper()}_ARM",
+            side=side,
+            label=FIRST_NODE + len(bodies) + i,
+            mass=number(mass_kg),
+            place=_point((at[0] - carrier[0], at[1] - carrier[1], at[2] - carrier[2])),
+        )
+        for i, (side, (mass_kg, at)) in enumerate(seated.carried_arms.items())
+    ]
+    return Part(bodies=bodies, springs=springs, carried_arms=arms, resonance=f"{torso.resonance_hz:.2f}")
+
+
+def _point(point: Point) -> str:
+    return ", ".join(number(x) for x in point)
