@@ -20,6 +20,7 @@ from pilotgen.report import decks, findings, page
 from pilotgen.report.repeated import Repeated
 from pilotgen.runs.batch import RESULTS_NAME
 from pilotgen.runs.results import StudyResults, read_results
+from pilotgen.study.schema import is_whole
 from pilotgen.study.study import Study
 
 REPORT_NAME = "report.html"
@@ -109,7 +110,8 @@ def one_at_a_time(
 ) -> Curve:
     """Margins of pilots that differ from `values` in one variable, over its range; the pilot itself is one of them."""
     name = results.names[column]
-    grid = np.unique(np.append(np.linspace(results.lower[column], results.upper[column], points), values[name]))
+    grid = np.linspace(results.lower[column], results.upper[column], points)
+    grid = np.unique(np.append(np.round(grid) if is_whole(name) else grid, values[name]))
     margins = np.full((len(OBJECTIVES), len(grid)), np.nan)
     for k, value in enumerate(grid.tolist()):
         outcome = evaluate(context, context.study.values({**values, name: value}))

@@ -437,16 +437,23 @@ def setting_text(data: Any) -> str:
     return data if isinstance(data, str) else repr(float(data)) if isinstance(data, float) else shown(data)
 
 
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """Return `did you mean 'x'? ` if a known word, or the last part of a known path, is near, else an empty text."""
+def nearest(word: str, known: Sequence[str]) -> str | None:
+    """Return the known word or path that is nearest to a misspelt one, by all of it or by its last part."""
     import difflib  # 10 ms that only a mistake pays
 
     word = word[:60]
+    if near := difflib.get_close_matches(word, known, n=1, cutoff=0.6):
+        return near[0]
     last = {path.rpartition(".")[2]: path for path in reversed(known)}
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    near = near or [last[name] for name in difflib.get_close_matches(word.rpartition(".")[2], list(last), 1, 0.6)]
-    near = near or ([path for path in known if word.lower() in path] if len(word) > 3 else [])
-    return f"did you mean {near[0]!r}? " if near else ""
+    if near := difflib.get_close_matches(word.rpartition(".")[2], list(last), n=1, cutoff=0.6):
+        return last[near[0]]
+    return next((path for path in known if len(word) > 3 and word.lower() in path), None)
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """Return `did you mean 'x'? ` if a known word is near, else an empty text."""
+    near = nearest(word, known)
+    return f"did you mean {near!r}? " if near else ""
 
 
 def check_positive(what: str, value: float, unit: str = "", hint: str = "") -> float:

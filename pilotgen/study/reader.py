@@ -16,6 +16,7 @@ from pilotgen.study.fields import (
     Section,
     Value,
     did_you_mean,
+    nearest,
 )
 from pilotgen.study.schema import (
     MAYO_PRESETS,
@@ -65,12 +66,12 @@ def read_section(value: Value, path: str, model: str, problems: Problems) -> Any
         problems.add(value.error(f"is empty; {wanted}" if data is None else f"is not a mapping; {wanted}"))
         return None
     given: dict[str, Any] = {}
-    meant: set[str] = set()  # by keys that are misspelt: not missed as well
+    meant: set[str | None] = set()  # by keys that are misspelt: not missed as well
     for key in data:
         entry = value.child(key)
         if key not in known:
             problems.add(_unknown(entry, key, known, declared))
-            meant |= {near for near in known if repr(near) in did_you_mean(key, list(known))}
+            meant.add(nearest(key, list(known)))
         elif model and not applies(known[key], model):
             problems.add(entry.error(f"means nothing for pilot.model = {model!r}; remove it"))
         else:

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from study_texts import MAYO, MULTIBODY, changed, message_of
 
 import pilotgen as pg
@@ -296,3 +298,18 @@ def test_set_beyond_the_box_is_noted_and_search_settings_are_refused(
     assert main([*options, str(tmp_path / "c"), "--set", "search.population=8"]) == 1
     assert "--set search.population: how a search goes means nothing for one pilot" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+JUNK = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=4) | st.lists(st.floats(), max_size=4)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.sampled_from([*SCHEMA, *names(numeric=True), "cockpit.lever.mass_kg", "x", "", "a[1]", "[0]"]), JUNK)
+def test_any_value_at_any_path_is_taken_or_refused(name: str, data: object) -> None:
+    for study in (STUDY, MAYO_STUDY):
+        try:
+            changed_study, values = study.with_values({name: data})
+        except StudyError as error:
+            assert str(error).startswith((name, "rotorcraft.flap_static_moment_kg_m = 276.48 is too large")), str(error)
+        else:
+            assert json.loads(changed_study.canonical()) and set(values) == set(study.values(values))
