@@ -53,6 +53,7 @@ EQUILIBRIUM_LIMIT = 1e-6  # N, N m: a larger residual is no equilibrium and its 
 # Residual that the posture is solved to: round-off. Constraints that stay open by 1e-13 m would have MBDyn's
 # derivatives phase fail on the pilot's deck (docs/io_formats/deck.md); one more Newton step closes them to 1e-16 m.
 POSTURE_TOLERANCE = 1e-13
+CANNOT_WRITE = "cannot write "  # how the solver begins when its disk is full or read-only
 SOLVER_ATTEMPTS = 3  # a solver can be killed from outside; a deck that kills it every time is at fault
 
 
@@ -130,6 +131,13 @@ class EvaluationContext:
 
         The deck goes by the scratch directory, where the solver works: coding it as a JSON string and decoding it again
         would cost more than the file.
+
+        Raises
+        ------
+        SolverError
+            The solver refused this deck, or could not do what was asked.
+        FileError
+            Nothing can be written where the solver works: the machine's fault, not the pilot's.
         """
         self._put(name, text)
         for attempt in range(1, SOLVER_ATTEMPTS + 1):
@@ -143,6 +151,8 @@ class EvaluationContext:
                 )
                 break
             except SolverError as error:
+                if error.reason.startswith(CANNOT_WRITE):  # no pilot would fare better
+                    raise FileError(f"{error.reason}; check space and permissions") from None
                 if not error.died or attempt == SOLVER_ATTEMPTS:
                     raise
         self.solver_seconds += reply.seconds
@@ -158,7 +168,10 @@ class EvaluationContext:
             finally:
                 os.close(file)
         except OSError as error:
-            raise EvaluationError("solver", f"{name} cannot be handed to the solver: {error.strerror}") from None
+            raise FileError(
+                f"{self.scratch}: {name} cannot be handed to the solver ({error.strerror}); check space in the "
+                "directory for temporary files (TMPDIR)"
+            ) from None
 
     def close(self) -> None:
         """Stop the solver and remove the scratch directory."""

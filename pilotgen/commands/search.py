@@ -98,10 +98,10 @@ def run(args: argparse.Namespace) -> int:
 
 def below_in_study(path: Path, limits: Mapping[str, float | None]) -> list[str]:
     """What pilots of study.h5 lack, and how many of them."""
-    from pilotgen.report.findings import below_limits
+    from pilotgen.report.findings import pilots_below_limits
     from pilotgen.runs.results import read_results
 
-    return below_limits(read_results(path), limits)
+    return pilots_below_limits(read_results(path), limits)
 
 
 def progress_text(progress: Progress, left: str) -> str:

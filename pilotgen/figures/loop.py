@@ -111,11 +111,11 @@ def bode(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
         only = pilots[0][1]
         bdft.plot([], [], "x", color=LINE_COLORS[0], markeredgewidth=1.6, label=_dominant_mode(only))
         bdft.legend(loc="lower left")
-        figure.suptitle(margins_text(only.margins), fontsize=9.0, x=0.01, ha="left")
+        figure.suptitle(loop_title(only.margins), fontsize=9.0, x=0.01, ha="left")
     return figure
 
 
-def margins_text(margins: Margins) -> str:
+def loop_title(margins: Margins) -> str:
     """`closed loop stable; gain margin 6.36 dB at 3.98 Hz; phase margin none (no crossing ...); ...`."""
     state = "closed loop stable" if margins.stable else "closed loop UNSTABLE"
     gain = style.typeset(GAIN_MARGIN.text(margins.gain_margin_db, margins.gain_margin_hz))

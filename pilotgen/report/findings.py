@@ -19,7 +19,7 @@ from pilotgen.figures.style import quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES
 from pilotgen.runs.results import StudyResults
 
-SAME_PILOT = 0.05  # share of the box: pilots that differ by no more in any variable count as one in tables
+SAME_PILOT = 0.10  # share of the box: pilots that differ by no more in any variable count as one in tables
 AT_BOUND = 0.01  # share of the box: this near a bound is at the bound
 TELLING = 0.1  # dB, deg: a difference between margins worth telling
 CLEAR_TREND, WEAK_TREND = 0.5, 0.2  # rank correlations called clear, and not worth a word
@@ -69,7 +69,7 @@ def pilot_text(results: StudyResults, index: int) -> str:
     return ", ".join(quantity(name).text(float(value)) for name, value in zip(results.names, values, strict=True))
 
 
-def number(value: float, digits: int) -> str:
+def typeset_number(value: float, digits: int) -> str:
     """A number with a true minus sign; `none` for an infinite margin, a dash for a missing one."""
     if math.isnan(value):
         return "–"
@@ -141,7 +141,7 @@ def _shares(results: StudyResults, limits: Mapping[str, float | None]) -> list[s
     return [f"Of the {len(rows)} evaluated pilots of the {who}, {', '.join(counts)}."]
 
 
-def below_limits(results: StudyResults, limits: Mapping[str, float | None]) -> list[str]:
+def pilots_below_limits(results: StudyResults, limits: Mapping[str, float | None]) -> list[str]:
     """What pilots lack, and how many of them, in sentences for a terminal; empty if nothing."""
     columns = results.columns
     unstable = int((columns["stable"] == 0).sum())
@@ -247,7 +247,7 @@ class Trend:
     def numbers(self) -> str:
         """`Rank correlation with the gain margin 0.58, with the phase margin 0.56.`, as far as there is one."""
         told = [
-            f"with the {quantity(name).name} {number(value, 2)}"
+            f"with the {quantity(name).name} {typeset_number(value, 2)}"
             for name, value in self.correlation.items()
             if not math.isnan(value)
         ]
@@ -288,7 +288,7 @@ def curve_sentence(curve: Curve) -> str:
     low, high = float(np.nanmin(margin)), float(np.nanmax(margin))
     if math.isinf(low) or math.isinf(high):
         return "For the worst pilot, it alone makes the gain margin infinite somewhere in its range."
-    return f"For the worst pilot, it alone moves the gain margin between {number(low, 2)} and {number(high, 2)} dB."
+    return f"For the worst pilot, it alone moves the gain margin between {typeset_number(low, 2)} and {typeset_number(high, 2)} dB."
 
 
 # ---- failures and replay

@@ -20,7 +20,7 @@ from pilotgen.figures import study as study_figures
 from pilotgen.figures.style import png, quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
 from pilotgen.report import findings
-from pilotgen.report.findings import number, replay
+from pilotgen.report.findings import replay, typeset_number
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import Study
 from pilotgen.summary import caveats
@@ -124,7 +124,7 @@ def render(
             "worst_extrapolated": [] if rows is None else list(rows[worst].get("extrapolated", [])),
             "same_pilot": findings.SAME_PILOT,
         }
-    return _template().render(content, quantity=quantity, number=number)
+    return _template().render(content, quantity=quantity)
 
 
 # ---- figures
@@ -292,15 +292,19 @@ def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[
     lines = []
     for k in chosen.tolist():
         cells = [f"{value:.4g}" for value in columns["inputs"][k]]
-        cells += [number(float(columns[name][k]), DERIVED[name][1]) for name in derived]
+        cells += [typeset_number(float(columns[name][k]), DERIVED[name][1]) for name in derived]
         for row in OBJECTIVES.values():
-            cells.append(number(float(columns[row.key][k]), row.digits))
+            cells.append(typeset_number(float(columns[row.key][k]), row.digits))
             if row in MARGINS:
                 hz = float(columns[row.at][k])
-                cells.append(number(hz, 2) if np.isfinite(hz) else "–")
+                cells.append(typeset_number(hz, 2) if np.isfinite(hz) else "–")
         cells.append("stable" if columns["stable"][k] == 1 else "UNSTABLE")
         lines.append({"cells": cells, "replay": replay(results, k, STUDY_FILE, solver)})
     return {"heads": heads, "lines": lines}
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0f} %" if share >= 10.0 else f"{share:.2g} %"
 
 
 def _failure_table(results: StudyResults, solver: str) -> list[dict[str, Any]]:
@@ -310,7 +314,7 @@ def _failure_table(results: StudyResults, solver: str) -> list[dict[str, Any]]:
             "stage": failure.stage,
             "reason": failure.reason,
             "count": failure.count,
-            "share": f"{100.0 * failure.count / total:.2g} %",
+            "share": _percent(100.0 * failure.count / total),
             "replay": replay(results, failure.example, STUDY_FILE, solver),
         }
         for failure in findings.failures(results)

@@ -62,7 +62,7 @@ def changes(known_text: str, study: Study, kind: str) -> list[Change] | None:
     return found + [Change(path, before.get(path), now.get(path), False) for path in _differing(before, now)]
 
 
-def table(found: list[Change]) -> str:
+def table_of_changes(found: list[Change]) -> str:
     """Lines of a table: key, what it was, what it is now."""
     rows = [("key", "there", "now"), *((one.path, _shown(one.before), _shown(one.now)) for one in found)]
     widths = [max(len(row[k]) for row in rows) for k in range(3)]

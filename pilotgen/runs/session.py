@@ -18,7 +18,7 @@ from pilotgen import __version__
 from pilotgen.errors import FileError
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
-from pilotgen.runs.changes import changes, table
+from pilotgen.runs.changes import changes, table_of_changes
 from pilotgen.runs.executor import Interrupted, ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
@@ -206,7 +206,7 @@ def _go_on(directory: Path, study: Study, kind: str, print_hash: str, journal: J
         if refused:
             raise FileError(
                 f"{directory} holds a study that {study.path} differs from in what determines its evaluations:\n"
-                f"{table(refused)}\n  choose another output directory, or undo these changes"
+                f"{table_of_changes(refused)}\n  choose another output directory, or undo these changes"
             )
         for change in found:
             say(f"{change.text} since this study was begun")

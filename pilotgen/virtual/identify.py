@@ -326,7 +326,7 @@ def _note(run: Run) -> str:
     if run.coherence is not None:
         return f"coherence at least {np.min(run.coherence):.4f}"
     largest = max(run.points, key=lambda point: max(point.harmonics))
-    text = f"harmonics up to {100 * max(largest.harmonics):.2g} % (at {largest.frequency_hz:g} Hz)"
+    text = f"harmonics up to {100 * max(largest.harmonics):.3g} % (at {largest.frequency_hz:g} Hz)"
     restless = [point for point in run.points if not point.settled]
     if restless:
         worst = max(restless, key=lambda point: point.scatter)

@@ -506,3 +506,46 @@ def test_log_and_status_of_a_search(run: Run, tmp_path: Path) -> None:
     status = json.loads(run("status", tmp_path / "out", "--json")[1])
     assert status["state"] == "finished" and status["evaluations"] == events[-1]["done"]
     refused(run("status", tmp_path), "holds no study")
+
+
+def test_a_scratch_directory_that_is_gone_is_no_failure_of_a_pilot(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What any pilot would meet stops the run: nothing is recorded as failed."""
+    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.runs.journal import JOURNAL_NAME, Journal
+
+    begin = EvaluationContext.__init__
+
+    def without_scratch(self, *args, **kwargs):  # type: ignore[no-untyped-def]
+        begin(self, *args, **kwargs)
+        os.rmdir(self.scratch)
+
+    monkeypatch.setattr(EvaluationContext, "__init__", without_scratch)
+    refused(
+        run("sample", QUICK, "-n", "8", "-o", tmp_path / "out", "--workers", "1", "--quiet"),
+        "cannot be handed to the solver .No such file or directory.; check space in the directory for temporary files",
+    )
+    with Journal(tmp_path / "out" / JOURNAL_NAME) as journal:
+        assert len(journal) == 0
+
+
+def test_an_output_directory_that_is_full_is_no_failure_of_the_pilot(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pilotgen.errors import SolverError
+    from pilotgen.solver.client import SolverClient
+
+    request = SolverClient.request
+
+    def full(self, task, **options):  # type: ignore[no-untyped-def]
+        if str(options.get("output", "")).endswith("matrices.h5"):
+            raise SolverError("solver", f"cannot write '{options['output']}': No space left on device")
+        return request(self, task, **options)
+
+    monkeypatch.setattr(SolverClient, "request", full)
+    refused(
+        run("pilot", QUICK, "-o", tmp_path / "out"),
+        "error: cannot write '.*matrices.h5': No space left on device; check",
+    )
+    assert not (tmp_path / "out" / "result.json").exists()

@@ -131,11 +131,11 @@ def test_distance_to_the_limits(made):
     assert f"the worst pilot misses 6.00 dB by {short:.2f} dB" in page.text
 
 
-def test_worst_ten_are_in_order_with_commands_that_mean_the_same_pilot(made):
+def test_worst_pilots_are_in_order_with_commands_that_mean_the_same_pilot(made):
     _, results, page = made
     rows = page.cells["worst"][1:]
     values, commands = rows[0::2], rows[1::2]
-    assert len(values) == len(commands) == 10
+    assert 5 <= len(values) == len(commands) <= 10
     study = mayo_study()
     for value, command in zip(values, commands, strict=True):
         words = shlex.split(command[1])
@@ -324,8 +324,8 @@ def test_nearly_equal_pilots_count_as_one(made):
     _, results, _ = made
     inputs = np.tile(0.5 * (results.lower + results.upper), (len(results.columns["inputs"]), 1))
     width = results.upper - results.lower
-    inputs[1] += 0.049 * width  # nearly the same as 0
-    inputs[2, 0] += 0.06 * width[0]  # another one
+    inputs[1] += 0.099 * width  # nearly the same as 0
+    inputs[2, 0] += 0.11 * width[0]  # another one
     kept = findings.distinct(replaced(results, inputs=inputs), np.array([0, 1, 2, 3]), 10)
     assert kept.tolist() == [0, 2]
 
@@ -334,7 +334,12 @@ def test_no_crossing_is_said_not_numbered():
     assert findings.margin_words("gain_margin_db", np.inf, np.nan) == "none (no crossing of the negative real axis)"
     assert findings.margin_words("phase_margin_deg", np.inf, np.nan) == "none (no crossing of the unit circle)"
     assert findings.margin_words("phase_margin_deg", -3.25, 1.5) == "−3.2° at 1.50 Hz"
-    assert [findings.number(value, 1) for value in (np.inf, -np.inf, np.nan, -0.01)] == ["none", "−∞", "–", "0.0"]
+    assert [findings.typeset_number(value, 1) for value in (np.inf, -np.inf, np.nan, -0.01)] == [
+        "none",
+        "−∞",
+        "–",
+        "0.0",
+    ]
 
 
 def test_infinite_margins_of_the_worst_pilot(made):
@@ -414,7 +419,7 @@ def test_who_is_below_the_limits(made):
     }
     changed = replaced(results, **columns)
     limits = {"gain_margin_db": 4.5, "phase_margin_deg": 60.0, "modulus_margin": None}
-    assert findings.below_limits(changed, limits) == [
+    assert findings.pilots_below_limits(changed, limits) == [
         "1 of 24 pilots make the closed loop unstable",
         "4 pilots have a gain margin below 4.50 dB; the smallest is 1.00 dB",
     ]
