@@ -60,7 +60,7 @@ MEASURED_GROUPS = (
 
 def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
     """What limits a result, first of all where it extrapolates; sentences. Empty for a failed pilot."""
-    if result["status"] != "ok":
+    if result.get("status") == "failed":
         return []
     found = [f"extrapolated: {sentence}" for sentence in result.get("extrapolated", ())]
     if study.pilot.model == MULTIBODY:

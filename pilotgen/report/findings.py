@@ -288,7 +288,8 @@ def curve_sentence(curve: Curve) -> str:
     low, high = float(np.nanmin(margin)), float(np.nanmax(margin))
     if math.isinf(low) or math.isinf(high):
         return "For the worst pilot, it alone makes the gain margin infinite somewhere in its range."
-    return f"For the worst pilot, it alone moves the gain margin between {typeset_number(low, 2)} and {typeset_number(high, 2)} dB."
+    ends = f"{typeset_number(low, 2)} and {typeset_number(high, 2)} dB"
+    return f"For the worst pilot, it alone moves the gain margin between {ends}."
 
 
 # ---- failures and replay
