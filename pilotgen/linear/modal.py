@@ -189,31 +189,49 @@ def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalM
             f"the constraints leave {E.shape[1]} first-order unknowns, the reactions {E.shape[0]} equations; "
             "each constraint equation must have a reaction of its own"
         )
-    right, left, A, n_zero, n_infinite = _deflate(E, F)
-    lam, right, left, A, diagonal = _diagonalise(right, left, A)
+    right, left, A, n_zero, n_infinite, solved = _deflate(E, F)
+    lam, right, left, A, diagonal = _diagonalise(right, left, A, solved)
+
+    # of a conjugate pair only the first is worked out
+    firsts = np.flatnonzero(lam.imag >= 0.0) if diagonal else np.arange(len(lam))
+    left, right, own = left[firsts], right[:, firsts], lam[firsts]
+
+    def advanced(Z: Numbers, of_rows: bool = False) -> Numbers:
+        """Z A, or A Z for rows: times lam where A is diagonal."""
+        if diagonal:
+            scaled: Numbers = Z * (own[:, None] if of_rows else own)
+            return scaled
+        return A @ Z if of_rows else Z @ A
 
     # back to all unknowns: V_R
     n_z = N_R.shape[1]
-    Q = N_R @ (X_R[:n_z] @ right)
-    QA = Q @ A
+    Q = _product(N_R @ X_R[:n_z], right)
+    QA = advanced(Q)
     V_R = np.zeros((len(model.names), len(lam)), dtype=A.dtype)
-    V_R[model.coordinates] = Q
-    V_R[model.momenta] = form.momentum_mass @ QA + form.momentum_gyro @ Q
-    V_R[model.reactions] = -reaction_solver.solve(form.M @ (QA @ A) + form.C @ QA + form.K @ Q)
+    V_R[model.coordinates[:, None], firsts] = Q
+    V_R[model.momenta[:, None], firsts] = _product(form.momentum_mass, QA) + _product(form.momentum_gyro, Q)
+    forces = _product(form.M, advanced(QA)) + _product(form.C, QA) + _product(form.K, Q)
+    V_R[model.reactions[:, None], firsts] = -reaction_solver.solve(forces)
 
     # back to all equations: V_L
-    W = left[:, n_z:] @ N_L.T
-    AW = A @ W
-    W_definition = AW[:, form.dynamic] + W @ form.momentum_force
+    W = _product(N_L, left[:, n_z:].T).T
+    AW = advanced(W, of_rows=True)
     V_L = np.zeros((len(lam), len(model.names)), dtype=A.dtype)
-    V_L[:, model.equilibrium_rows] = W
-    V_L[:, model.definition_rows] = W_definition
+    V_L[firsts[:, None], model.equilibrium_rows] = W
+    V_L[firsts[:, None], model.definition_rows] = AW[:, form.dynamic] + _product(form.momentum_force.T, W.T).T
     # what the equilibrium and definition rows leave over, for the constraint rows to cancel
-    residual = A @ (AW @ form.M) + AW @ form.C + W @ form.K
+    residual = (
+        advanced(_product(form.M.T, AW.T).T, of_rows=True) + _product(form.C.T, AW.T).T + _product(form.K.T, W.T).T
+    )
     if velocity.any():
-        V_L[:, model.reactions] = _velocity_constraint_rows(form, A, residual)
+        V_L[firsts[:, None], model.reactions] = _velocity_constraint_rows(
+            form, np.diag(own) if diagonal else A, residual
+        )
     else:
-        V_L[:, model.reactions] = -constraint_solver.solve(residual.T).T
+        V_L[firsts[:, None], model.reactions] = -constraint_solver.solve(residual.T).T
+    if diagonal:
+        seconds = np.flatnonzero(lam.imag < 0.0)  # right after the first of each pair
+        V_R[:, seconds], V_L[seconds] = V_R[:, seconds - 1].conj(), V_L[seconds - 1].conj()
     return ModalModel(lam=lam, V_R=V_R, V_L=V_L, A=A, diagonal=diagonal, n_zero=n_zero, n_infinite=n_infinite)
 
 
@@ -301,23 +319,29 @@ def _reduced_pencil(
     return E @ X_R, F @ X_R, X_R
 
 
-def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int]:
+_Eigen = tuple[Numbers, Numbers]  # eigenvalues and right eigenvectors of a matrix
+
+
+def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int, _Eigen | None]:
     """Split off zero and infinite eigenvalues of lam E + F.
 
-    Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, and the
-    number of zero and of infinite eigenvalues set aside.
+    Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, the
+    number of zero and of infinite eigenvalues set aside, and the eigenvectors of A if they are known already.
     """
     size = len(E)
     if size == 0:
-        return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0
+        return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0, None
     if _condition(E) < 1.0 / np.sqrt(np.finfo(float).eps):
         solved = np.linalg.solve(E, np.hstack((F, np.eye(size))))
         H, inverse = -solved[:, :size], solved[:, size:]
-        modulus = np.abs(np.linalg.eigvals(H))
+        lam, T = np.linalg.eig(H)
+        modulus = np.abs(lam)
         threshold = _NEGLIGIBLE * modulus.max()
         n_zero = int(np.count_nonzero(modulus <= threshold))
+        if n_zero == 0:
+            return np.eye(size), inverse, H, 0, 0, (lam, T)
         right, left, A = _invariant_subspace(H, threshold, n_zero)
-        return right, left @ inverse, A, n_zero, 0
+        return right, left @ inverse, A, n_zero, 0, None
 
     # Some direction has no mass: S = (sigma E + F)^-1 E has the eigenvalues 1 / (sigma - lam), zero for infinite lam.
     sigma = 1.1 * np.linalg.norm(F) / np.linalg.norm(E)  # [rad/s] of the size of the pencil's own eigenvalues
@@ -335,7 +359,7 @@ def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int]
     threshold = _NEGLIGIBLE * np.abs(lam).max(initial=0.0)
     n_zero = int(np.count_nonzero(np.abs(lam) <= threshold))
     inner_right, inner_left, A = _invariant_subspace(A, threshold, n_zero)
-    return right @ inner_right, inner_left @ left, A, n_zero, n_infinite
+    return right @ inner_right, inner_left @ left, A, n_zero, n_infinite, None
 
 
 def _invariant_subspace(H: Numbers, threshold: float, n_dropped: int) -> tuple[Numbers, Numbers, Numbers]:
@@ -355,17 +379,39 @@ def _invariant_subspace(H: Numbers, threshold: float, n_dropped: int) -> tuple[N
     return Z[:, :kept], left, T[:kept, :kept]
 
 
-def _diagonalise(right: Numbers, left: Numbers, A: Numbers) -> tuple[Complexes, Numbers, Numbers, Numbers, bool]:
-    """Turn real bases into eigenvectors where these are a sound basis."""
-    lam, T = np.linalg.eig(A)
+def _diagonalise(
+    right: Numbers, left: Numbers, A: Numbers, solved: _Eigen | None
+) -> tuple[Complexes, Numbers, Numbers, Numbers, bool]:
+    """Turn real bases into eigenvectors where these are a sound basis; `solved` has those of A if they are known."""
+    lam, T = np.linalg.eig(A) if solved is None else solved
     # numpy returns conjugate pairs side by side, positive imaginary part first; sort by modulus without parting them
     heads = np.flatnonzero(lam.imag >= 0.0)
     heads = heads[np.argsort(np.abs(lam[heads]), kind="stable")]
     order = np.array([j for k in heads for j in ((k, k + 1) if lam[k].imag > 0.0 else (k,))], dtype=np.intp)
     lam, T = lam[order].astype(np.complex128), T[:, order].astype(np.complex128)
-    if len(lam) == 0 or _condition(T) < _MAX_CONDITION:
-        return lam, right @ T, np.linalg.solve(T, left.astype(np.complex128)), np.diag(lam), True
-    return lam, right, left, A, False
+    if len(lam) == 0:
+        return lam, right @ T, left.astype(np.complex128), np.diag(lam), True
+    # The same by real numbers: T = R U with U unitary, R = [.., sqrt(2) Re v, sqrt(2) Im v, ..] for a pair v, conj(v).
+    first = np.flatnonzero(lam.imag > 0.0)
+    R = T.real.copy()
+    R[:, first], R[:, first + 1] = np.sqrt(2.0) * T[:, first].real, np.sqrt(2.0) * T[:, first].imag
+    if not _condition(R) < _MAX_CONDITION:
+        return lam, right, left, A, False
+    solved_left = np.linalg.solve(R, left)
+    of_T = solved_left.astype(np.complex128)
+    of_T[first] = (solved_left[first] - 1j * solved_left[first + 1]) / np.sqrt(2.0)
+    of_T[first + 1] = of_T[first].conj()
+    return lam, _product(right, T) if solved is None else T, of_T, np.diag(lam), True
+
+
+def _product(real: Floats, Z: Numbers) -> Numbers:
+    """A real matrix times a real or complex one, in real arithmetic."""
+    if not np.iscomplexobj(Z):
+        product: Numbers = real @ Z
+        return product
+    both = real @ np.concatenate((Z.real, Z.imag), axis=1)
+    found: Numbers = both[:, : Z.shape[1]] + 1j * both[:, Z.shape[1] :]
+    return found
 
 
 def _velocity_constraint_rows(form: SecondOrderForm, A: Numbers, residual: Numbers) -> Numbers:

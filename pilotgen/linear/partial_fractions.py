@@ -20,6 +20,8 @@ Complexes = NDArray[np.complex128]
 
 # Poles nearer to each other than this fraction of their modulus: cancelling residues would cost three digits or more.
 _NEAR = 1e-3
+# Poles whose term on the imaginary axis is at most this part of the largest one cancel nothing that could be noticed.
+_UNNOTICED = 1e-6
 # Below this condition number of its eigenvectors A is taken apart into poles and residues; see modal.py.
 _MAX_CONDITION = 1e5
 
@@ -52,9 +54,15 @@ class PartialFractions:
 
     @cached_property
     def apart(self) -> bool:
-        """Whether no two poles are so close that the sum cancels."""
-        modulus = np.abs(self.poles)
-        distance = np.abs(self.poles[:, None] - self.poles)
+        """Whether no two poles that count are so close that the sum cancels."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            term = np.abs(self.residues) / np.abs(self.poles.real)  # largest value on the axis
+        finite = term[np.isfinite(term)]
+        counts = ~(term <= _UNNOTICED * finite.max(initial=0.0))
+        counts[:1] |= self.second != 0.0
+        poles = self.poles[counts]
+        modulus = np.abs(poles)
+        distance = np.abs(poles[:, None] - poles)
         np.fill_diagonal(distance, np.inf)
         return bool((distance > _NEAR * np.maximum(modulus[:, None], modulus)).all())
 
