@@ -14,7 +14,7 @@ import fnmatch
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -111,6 +111,8 @@ def claimed(
         try:
             name = kind if before.mark is None else before.mark.kind
             _write_mark(directory, Mark(name, False, before.hashes, tuple(sorted(others))))
+            if kind not in (*STUDY_KINDS, "report"):
+                _remove_own(directory, before.hashes)
             yield directory
         except BaseException:
             if made:
@@ -174,6 +176,15 @@ class _Contents:
                     f"{_WAY_OUT}"
                 )
         return others
+
+
+def _remove_own(directory: Path, paths: Iterable[str]) -> None:
+    """Take away what the same command left here before, so that nothing of another pilot stands beside its results."""
+    for path in paths:
+        try:
+            (directory / path).unlink(missing_ok=True)
+        except OSError as error:
+            raise FileError(f"{directory / path}: cannot be replaced ({error.strerror}); {_WAY_OUT}") from None
 
 
 def _is_older_study(directory: Path) -> bool:

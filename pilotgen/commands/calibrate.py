@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
-from importlib import resources
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
@@ -28,13 +26,12 @@ def add_parser(commands: Any) -> None:
         "fit the reflex gains to measured pilots",
         "Fit the reflex gains Kp and Kd so that the mesomorphic reference pilot in the study's cockpit has the "
         "frequency and damping that Mayo measured; predict the ectomorphic one; derive the gains of the other tasks. "
-        "Prints a report and the gains as YAML; with -o writes calibration.json and reflex.yaml there, with --write "
-        "replaces the gains that come with pilotgen.",
+        "Prints a report and the gains as YAML; with -o writes calibration.json and reflex.yaml there. A study takes "
+        "other gains than those that come with pilotgen by pilot.reflex.",
         "pilotgen calibrate docs/studies/puma-bmi.yaml -o results/calibration",
     )
     common.add_study(parser)
     common.add_output(parser, required=False)
-    parser.add_argument("--write", action="store_true", help="replace pilotgen's own data/reflex.yaml")
     parser.add_argument(
         "--no-sensitivities",
         action="store_true",
@@ -73,10 +70,6 @@ def run(args: argparse.Namespace) -> int:
             write_text(directory / "calibration.json", to_json(found.as_dict()))
             write_text(directory / "reflex.yaml", text)
             print(f"calibration.json and reflex.yaml are in {directory}")
-    if args.write:
-        own = Path(str(resources.files("pilotgen") / "data" / "reflex.yaml"))
-        write_text(own, text)
-        print(f"{own} replaced")
     return 0
 
 

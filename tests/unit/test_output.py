@@ -152,3 +152,12 @@ def test_unusable_output_directories_are_explained(tmp_path: Path) -> None:
     (tmp_path / "linked" / LOCK_NAME).symlink_to(tmp_path / "file")
     with pytest.raises(FileError, match="cannot be used for output"):
         write_deck(tmp_path / "linked")
+
+
+def test_nothing_of_an_earlier_run_stands_beside_the_results(tmp_path: Path) -> None:
+    with claimed(tmp_path, "decks", DECKS) as place:
+        (place / "trim.mbd").touch()
+        (place / "pilot.mbd").touch()
+    (tmp_path / "notes.txt").touch()
+    write_deck(tmp_path)
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == ["notes.txt", "pilot.mbd"]
