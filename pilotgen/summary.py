@@ -14,6 +14,7 @@ from pilotgen import __version__
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.study.schema import MAYO_PRESETS, MULTIBODY
 from pilotgen.study.study import Study
+from pilotgen.study.torso_numbers import RIGID
 
 GRIP_FREQUENCY_HZ = 3.0  # where grip motion is reported, as Mayo's people are (docs/validation.md)
 
@@ -52,7 +53,11 @@ def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
 RIGID_TORSO = (
     "the torso is rigid: the grip moves about half as much as on the people that Mayo measured, and gain margins are "
     "some 7 dB larger than those of Mayo's pilots; compare pilots with each other rather than with a limit"
-)  # docs/validation.md, beside Mayo's people
+)  # docs/theory/calibration.md, beside Mayo's people
+TORSO_ON_SPRINGS = (
+    "with a torso on springs gain margins are 1.4 dB larger than those of Mayo's mesomorphic pilots on the Puma, and 3 "
+    "to 5 dB larger than those of his ectomorphic ones; compare pilots with each other rather than with a limit"
+)  # the same table
 MEASURED_GROUPS = (
     "Mayo measured two groups of people; between and beyond them a pilot of his form is an interpolation or a guess"
 )
@@ -64,8 +69,7 @@ def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
         return []
     found = [f"extrapolated: {sentence}" for sentence in result.get("extrapolated", ())]
     if study.pilot.model == MULTIBODY:
-        if getattr(study.pilot, "torso", None) is None:
-            found.append(RIGID_TORSO)
+        found.append(RIGID_TORSO if study.pilot.torso["model"] == RIGID else TORSO_ON_SPRINGS)
         if study.pilot.projection == "literal":
             found.append("projection: literal is the paper's eq. (31), for comparison only (docs/theory/projection.md)")
     elif {name: result["values"].get(name) for name in MAYO_PRESETS["mesomorphic"]} not in MAYO_PRESETS.values():
