@@ -31,6 +31,7 @@ COMMANDS = (
     "check-mbdyn",
     "margins",
     "rotorcraft",
+    "torso",
     "calibrate",
     "identify",
     "report",
