@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+
 from pilotgen.decks.template_cache import Part
-from pilotgen.decks.text import number
+from pilotgen.decks.text import number, numbers, vector
 from pilotgen.posture.seated_torso import Point, SeatedTorso
 
 FIRST_NODE, FIRST_SPRING, FIRST_FRAME = 31, 131, 31  # labels
-DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
 
 
 def torso_text(seated: SeatedTorso) -> Part:
@@ -42,9 +43,9 @@ def torso_text(seated: SeatedTorso) -> Part:
             inclined=spring.inclined,
             carries=spring.carries,
             place=_point(seated.points[spring.name]),
-            K=[(direction, number(k)) for direction, k in zip(DIRECTIONS, spring.stiffness, strict=True)],
-            C=[(direction, number(c)) for direction, c in zip(DIRECTIONS, spring.damping, strict=True)],
-            prestress=", ".join(number(load) for load in seated.prestress[spring.name]),
+            K=_numbers(spring.stiffness),
+            C=_numbers(spring.damping),
+            prestress=", ".join(_numbers(seated.prestress[spring.name])),
         )
         for i, spring in enumerate(torso.springs)
     ]
@@ -62,5 +63,9 @@ def torso_text(seated: SeatedTorso) -> Part:
     return Part(bodies=bodies, springs=springs, carried_arms=arms, resonance=f"{torso.resonance_hz:.2f}")
 
 
+def _numbers(values: tuple[float, ...]) -> list[str]:
+    return numbers(np.array(values))
+
+
 def _point(point: Point) -> str:
-    return ", ".join(number(x) for x in point)
+    return vector(np.array(point))

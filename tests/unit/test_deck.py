@@ -15,11 +15,15 @@ from jinja2 import UndefinedError
 
 from pilotgen.anthropometry.biometrics import Biometrics
 from pilotgen.anthropometry.body import SEGMENTS, make_body
+from pilotgen.anthropometry.torso import make_torso
 from pilotgen.decks import deck as decks
 from pilotgen.decks import parts
 from pilotgen.decks import text as deck_text
 from pilotgen.posture.cockpit import make_cockpit
 from pilotgen.posture.posture import first_guess, from_poses
+from pilotgen.posture.seated_torso import SeatedTorso, seat_torso
+from pilotgen.study.cockpit_numbers import cockpit_numbers
+from pilotgen.study.torso_numbers import torso_from
 
 
 @dataclass(frozen=True)
@@ -55,8 +59,22 @@ def render(limbs: tuple[str, ...], **options: object) -> dict[str, str]:
     }
 
 
+def seated(limbs: tuple[str, ...], girdle: bool) -> SeatedTorso:
+    body = make_body(Biometrics(40.0, 1.775, 24.0 * 1.775**2, "male"), limbs)
+    cockpit = make_cockpit(body, lever_length_m=0.32, position=0.5)
+    posture = from_poses(body, cockpit, first_guess(body, cockpit).nodes)
+    numbers = torso_from({"girdle": {} if girdle else "none"})
+    torso = make_torso(body.biometrics, limbs, numbers, cockpit_numbers()["seat"])
+    return seat_torso(torso, body, cockpit, posture.nodes, {}, decks.GRAVITY_M_PER_S2)
+
+
 LIMBS = [("left",), ("right",), ("left", "right")]
 ALL = {(limbs, name): text for limbs in LIMBS for name, text in render(limbs).items()}
+ALL |= {
+    (limbs, f"pilot with {what}"): render(limbs, torso=seated(limbs, what == "girdle"))["pilot"]
+    for limbs in LIMBS
+    for what in ("torso", "girdle")
+}
 every_deck = pytest.mark.parametrize("key", ALL, ids=lambda key: "+".join(key[0]) + "-" + key[1])
 
 
@@ -85,7 +103,7 @@ def test_decks_are_tidy(key: tuple) -> None:
     assert not re.search(r"-0(\.0*)?(?![0-9.])|-0 mm", text), "a negative zero"
     assert not re.search(r"e-(1[6-9]|[2-9][0-9])", text), "the rounding error of a zero"
     first = text.splitlines()[0]
-    assert first.startswith(f"# {key[1]}.mbd - ")
+    assert first.startswith(f"# {key[1].split()[0]}.mbd - ")
     assert "# Pilot: male, 40 years, 1.775 m, 75.61 kg (BMI 24)" in text
 
 
