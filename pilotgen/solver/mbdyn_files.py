@@ -109,7 +109,8 @@ def to_textbook(raw: RawEigenanalysis, layout: Matrices | None = None) -> Matric
     names, kinds = _name_unknowns(raw) if layout is None else _names_of_layout(raw, layout)
 
     reaction = kinds == b"reaction"
-    coordinate_columns = np.flatnonzero(~reaction)
+    algebraic = reaction | (kinds == b"algebraic")
+    coordinate_columns = np.flatnonzero(~algebraic)
     if layout is None:
         depends_on_c = (raw.Aplus[:, coordinate_columns] != raw.Aminus[:, coordinate_columns]).any(axis=1)
         holonomic = reaction & ~depends_on_c
@@ -120,8 +121,8 @@ def to_textbook(raw: RawEigenanalysis, layout: Matrices | None = None) -> Matric
     J_plus, J_minus = raw.Aplus.copy(), raw.Aminus.copy()
     J_plus[holonomic] *= raw.c
     J_minus[holonomic] *= -raw.c
-    J_plus[:, reaction] *= raw.c
-    J_minus[:, reaction] *= -raw.c
+    J_plus[:, algebraic] *= raw.c
+    J_minus[:, algebraic] *= -raw.c
     return Matrices(
         path=raw.path,
         solver="mbdyn",
@@ -181,7 +182,9 @@ def _names_of_layout(raw: RawEigenanalysis, layout: Matrices) -> tuple[NDArray[n
             f"{raw.path} has {n} unknowns and {layout.path} has {layout.n}: they are not of the same deck"
         )
     names, kinds = _name_unknowns(raw)
-    differing = np.flatnonzero(kinds != layout.kinds)
+    # What MBDyn's files do not tell apart from reactions: unknowns of abstract nodes, states, algebraic values.
+    ours = np.where(np.isin(layout.kinds, (b"state", b"algebraic")), b"reaction", layout.kinds)
+    differing = np.flatnonzero(kinds != ours)
     if len(differing):
         k = int(differing[0])
         raise MatrixError(

@@ -80,7 +80,7 @@ void check_output_directory(const std::string& path) {
 
 std::vector<std::pair<std::string, long>> count_deck(const Deck& deck) {
   std::map<std::string, long> elements;
-  for (const std::vector<ElementData>* list : {&deck.joints, &deck.forces}) {
+  for (const std::vector<ElementData>* list : {&deck.joints, &deck.genels, &deck.forces}) {
     for (const ElementData& element : *list) {
       ++elements[element.type->counts != nullptr ? element.type->counts(element.data) : element.type->counts_as];
     }
@@ -91,6 +91,10 @@ std::vector<std::pair<std::string, long>> count_deck(const Deck& deck) {
   for (const char* kind : {"joints", "deformable", "rods", "muscles", "forces"}) {
     counts.emplace_back(kind, elements[kind]);
   }
+  if (!deck.abstract_nodes.empty()) {
+    counts.emplace_back("abstract_nodes", static_cast<long>(deck.abstract_nodes.size()));
+  }
+  if (!deck.genels.empty()) counts.emplace_back("genels", elements["genels"]);
   return counts;
 }
 

@@ -101,7 +101,8 @@ TEST_CASE("mistakes in elements") {
   check_elements(
       "couple: 1, absolute, 1, 1., 0., 0., cosin, 0., 1.;",
       "test.mbd:14:37: error: unknown drive `cosin`, expected: const, null, unit, one, time, timestep, direct, ramp, "
-      "sine, cosine, step, string, array, mult, reference, or a number; did you mean `cosine`?\n");
+      "sine, cosine, step, string, array, mult, reference, linear, node, element, dof, or a number; did you mean "
+      "`cosine`?\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., piecewise linear, 2, 0., 1., 0., 1.;",
                  "test.mbd:14:37: error: not supported: the drive `piecewise linear`\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., cosine, 0., 1., 1., 0, 0.;",
@@ -116,9 +117,10 @@ TEST_CASE("mistakes in elements") {
   check_elements("couple: 1, absolute, 1, reference, global, 1., 0., 0., 1.;",
                  "test.mbd:14:25: error: a frame needs the word `single` before it: `single, reference, ...`\n");
   check_elements("beam3: 1;", "test.mbd:14:1: error: not supported: the element `beam3`\n");
-  check_elements("joints: 1, clamp, 1, node, node;",
-                 "test.mbd:14:1: error: unknown card `joints`, expected body, joint, gravity, force, couple or `end: "
-                 "elements;`; did you mean `joint`?\n");
+  check_elements(
+      "joints: 1, clamp, 1, node, node;",
+      "test.mbd:14:1: error: unknown card `joints`, expected body, joint, genel, gravity, force, couple or `end: "
+      "elements;`; did you mean `joint`?\n");
 }
 
 TEST_CASE("mistakes in declarations and named things") {

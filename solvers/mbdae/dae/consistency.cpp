@@ -32,13 +32,20 @@ Model make_model(const Deck& deck) {
 void check_constraints(const Model& model, const State& state) {
   Equations eq;
   eq.clear(model.size(), false);
-  model.add_constraints(state, eq, false);
+  model.add_reduced_constraints(state, eq, false);
   ConstraintRates rates;
   model.rates(state, rates, false);
   for (const LoadEntry& entry : model.loads()) {
     if (const std::string defect = entry.element->defect(state); !defect.empty()) {
       throw ModelError(joint_title(*entry.data) + " " + defect);
     }
+  }
+
+  // What genels impose is brought about by the first time step, as in MBDyn.
+  for (const ConstraintEntry& entry : model.constraints()) {
+    if (entry.data->type->card != CardKind::genel) continue;
+    eq.g.segment(entry.constraint->first(), entry.constraint->size()).setZero();
+    rates.rate.segment(entry.constraint->first(), entry.constraint->size()).setZero();
   }
 
   int worst = -1;
@@ -62,36 +69,64 @@ void check_constraints(const Model& model, const State& state) {
   }
 }
 
-Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
-  const int nodes = static_cast<int>(model.slots().size()), moving = 6 * nodes;
-  const int first = model.reaction_start(), count = model.reaction_count();
-  const int total = moving + count;
+namespace {
 
-  State unloaded = state;
-  unloaded.y.setZero();
+// Unknowns of the accelerations' equations: 6 per node, then scalars (rates of states, values of algebraic ones), then
+// reactions.
+struct Accelerations {
+  Eigen::MatrixXd K;
+  Eigen::VectorXd residual;  // at accelerations, rates and reactions of `state` and `a`
+};
+
+// Rows that constrain the motion but belong to a scalar or to states alone: what their first time derivative says.
+void differentiate_row(const Model& model, const State& state, const Equations& eq, int row, Accelerations& out,
+                       int at) {
+  const int moving = 6 * static_cast<int>(model.slots().size()), first = model.scalar_start();
+  out.residual(at) = 0.0;
+  for (const NodeSlot& slot : model.slots()) {
+    const NodeMotion& node = motion_of(state, slot);
+    out.K.block<1, 6>(at, 6 * slot.index) = eq.g_ydot.block<1, 6>(row, slot.first);
+    out.residual(at) +=
+        eq.g_y.block<1, 3>(row, slot.first).dot(node.v) + eq.g_y.block<1, 3>(row, slot.first + 3).dot(node.w);
+  }
+  for (int k = 0; k < model.scalar_count(); ++k) {
+    if (model.algebraic(first + k)) continue;
+    out.K(at, moving + k) = eq.g_y(row, first + k);
+    out.residual(at) += eq.g_y(row, first + k) * state.ydot(first + k);
+  }
+}
+
+Accelerations acceleration_equations(const Model& model, const State& state, const Eigen::VectorXd& a,
+                                     const ConstraintRates& rates) {
+  const int nodes = static_cast<int>(model.slots().size()), moving = 6 * nodes, scalars = model.scalar_count();
+  const int first_scalar = model.scalar_start(), first = model.reaction_start(), count = model.reaction_count();
+  const int start = moving + scalars, total = start + count;
   Equations eq;
   eq.clear(model.size(), true);
-  model.add_loads(unloaded, eq, false);
-  model.add_constraints(unloaded, eq, true);
-  ConstraintRates rates;
-  model.rates(state, rates, false);
+  model.add_loads(state, eq, scalars > 0);
+  model.add_reduced_constraints(state, eq, true);
 
-  Eigen::MatrixXd K = Eigen::MatrixXd::Zero(total, total);
-  Eigen::VectorXd rhs(total);
-  bool inertia = false;
+  Accelerations out;
+  out.K = Eigen::MatrixXd::Zero(total, total);
+  out.residual = Eigen::VectorXd::Zero(total);
+  Eigen::MatrixXd& K = out.K;
   for (int i = 0; i < nodes; ++i) {
     const NodeSlot& slot = model.slots()[static_cast<std::size_t>(i)];
     const int row = 6 * i;
-    rhs.segment<6>(row) = -eq.g.segment<6>(slot.force);
+    out.residual.segment<6>(row) = eq.g.segment<6>(slot.force);
     if (slot.dynamic) {
       const NodeInertia& body = model.inertias()[static_cast<std::size_t>(i)];
       const NodeMotion& motion = state.nodes[static_cast<std::size_t>(i)];
       K.block<6, 6>(row, row) = body.mass_matrix(motion);
-      rhs.segment<6>(row) -= body.velocity_terms(motion);
-      inertia = true;
+      out.residual.segment<6>(row) += body.velocity_terms(motion);
+      if (scalars > 0) out.residual.segment<6>(row) += K.block<6, 6>(row, row) * a.segment<6>(row);
     }
-    K.block(row, moving, 6, count) = eq.g_y.block(slot.force, first, 6, count);
-    K.block(moving, row, count, 6) = eq.g_y.block(first, slot.first, count, 6);
+    K.block(row, start, 6, count) = eq.g_y.block(slot.force, first, 6, count);
+    K.block(start, row, count, 6) = eq.g_y.block(first, slot.first, count, 6);
+    for (int k = 0; k < scalars; ++k) {
+      const Eigen::MatrixXd& by = model.algebraic(first_scalar + k) ? eq.g_y : eq.g_ydot;
+      K.block<6, 1>(row, moving + k) = by.block<6, 1>(slot.force, first_scalar + k);
+    }
   }
   for (const ConstraintEntry& entry : model.constraints()) {
     for (int k = 0; k < entry.constraint->size(); ++k) {
@@ -99,31 +134,120 @@ Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
       const int row = entry.constraint->first() + k;
       for (int i = 0; i < nodes; ++i) {
         const int column = 6 * i;
-        K.block<1, 6>(moving + row - first, column) =
+        K.block<1, 6>(start + row - first, column) =
             eq.g_ydot.block<1, 6>(row, model.slots()[static_cast<std::size_t>(i)].first);
       }
     }
   }
-  rhs.tail(count) = -rates.bias.tail(count);
+  out.residual.tail(count) = rates.bias.tail(count);
+  if (scalars == 0) return out;
 
-  if (!inertia) {
-    if (count > 0) {
-      state.y.tail(count) = K.topRightCorner(moving, count).completeOrthogonalDecomposition().solve(rhs.head(moving));
+  out.residual.tail(count) += K.block(start, 0, count, moving) * a;
+  for (int k = 0; k < scalars; ++k) {
+    const int row = first_scalar + k, at = moving + k;
+    out.residual(at) = eq.g(row);
+    for (int j = 0; j < scalars; ++j) {
+      K(at, moving + j) = (model.algebraic(first_scalar + j) ? eq.g_y : eq.g_ydot)(row, first_scalar + j);
     }
-    return Eigen::VectorXd::Zero(moving);
+    K.block(at, start, 1, count) = eq.g_y.block(row, first, 1, count);
+    if (K.row(at).isZero(0.0)) differentiate_row(model, state, eq, row, out, at);
   }
+  for (const ConstraintEntry& entry : model.constraints()) {
+    for (int k = 0; k < entry.constraint->size(); ++k) {
+      const int row = entry.constraint->first() + k, at = start + row - first;
+      const bool of_nodes = !K.block(at, 0, 1, moving).isZero(0.0);
+      bool with_rates = false;
+      for (int j = 0; j < scalars; ++j) with_rates |= eq.g_ydot(row, first_scalar + j) != 0.0;
+      if (with_rates) {  // imposes the rate of a state
+        K.row(at).setZero();
+        for (int j = 0; j < scalars; ++j) {
+          K(at, moving + j) = (model.algebraic(first_scalar + j) ? eq.g_y : eq.g_ydot)(row, first_scalar + j);
+        }
+        out.residual(at) = eq.g(row);
+      } else if (!of_nodes) {  // imposes a state, or an algebraic value
+        bool of_states = false;
+        for (int j = 0; j < scalars; ++j) {
+          const double by = eq.g_y(row, first_scalar + j);
+          K(at, moving + j) = by;
+          of_states |= by != 0.0 && !model.algebraic(first_scalar + j);
+        }
+        out.residual(at) = of_states ? rates.rate(row) : eq.g(row);
+      } else if (entry.constraint->velocity_level(k)) {
+        for (int j = 0; j < scalars; ++j) {
+          if (model.algebraic(first_scalar + j)) continue;
+          K(at, moving + j) = eq.g_y(row, first_scalar + j);
+          out.residual(at) += eq.g_y(row, first_scalar + j) * state.ydot(first_scalar + j);
+        }
+      }
+    }
+  }
+  return out;
+}
 
-  const Eigen::VectorXd solution = robust_solve(K, rhs);
-  state.y.tail(count) = solution.tail(count);
-  const Eigen::VectorXd error = (K * solution - rhs).tail(count);
-  int worst = 0;
-  if (count > 0 && error.cwiseAbs().maxCoeff(&worst) > kConstraintTolerance * (1.0 + solution.head(moving).norm())) {
-    throw ModelError(model.equation_title(first + worst) +
-                     " contradicts the other constraints: the accelerations they ask for differ by " +
-                     amount(error(worst), model.equation_unit(first + worst) + "/s^2") +
-                     "; remove a redundant constraint or make the drives agree");
+}  // namespace
+
+Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
+  constexpr int kMostIterations = 20;
+  constexpr double kConverged = 1e-13;
+  const int nodes = static_cast<int>(model.slots().size()), moving = 6 * nodes, scalars = model.scalar_count();
+  const int first_scalar = model.scalar_start(), first = model.reaction_start(), count = model.reaction_count();
+  const int start = moving + scalars;
+  bool inertia = scalars > 0;
+  for (const NodeSlot& slot : model.slots()) inertia |= slot.dynamic;
+
+  // Linear in everything asked for, but for friction: one step of Newton's method otherwise.
+  state.y.head(first_scalar).setZero();
+  state.y.tail(count).setZero();
+  model.set_momenta(state);
+  Eigen::VectorXd a = Eigen::VectorXd::Zero(moving);
+  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+    ConstraintRates rates;
+    model.rates(state, rates, false);
+    const Accelerations equations = acceleration_equations(model, state, a, rates);
+    if (!inertia) {
+      if (count > 0) {
+        state.y.tail(count) = equations.K.topRightCorner(moving, count)
+                                  .completeOrthogonalDecomposition()
+                                  .solve(-equations.residual.head(moving));
+      }
+      return Eigen::VectorXd::Zero(moving);
+    }
+    const Eigen::VectorXd rhs = -equations.residual;
+    const Eigen::VectorXd solution = robust_solve(equations.K, rhs);
+    state.y.tail(count) += solution.tail(count);
+    a += solution.head(moving);
+    for (int k = 0; k < scalars; ++k) {
+      (model.algebraic(first_scalar + k) ? state.y : state.ydot)(first_scalar + k) += solution(moving + k);
+    }
+    const Eigen::VectorXd error = (equations.K * solution - rhs).tail(count);
+    int worst = 0;
+    if (count > 0 && error.cwiseAbs().maxCoeff(&worst) > kConstraintTolerance * (1.0 + solution.head(moving).norm())) {
+      throw ModelError(model.equation_title(first + worst) +
+                       " contradicts the other constraints: the accelerations they ask for differ by " +
+                       amount(error(worst), model.equation_unit(first + worst) + "/s^2") +
+                       "; remove a redundant constraint or make the drives agree");
+    }
+    if (scalars == 0) break;
+    const double size = 1.0 + a.norm() + state.y.tail(count).norm() + state.ydot.segment(first_scalar, scalars).norm();
+    if (solution.segment(0, start + count).norm() <= kConverged * size) break;
   }
-  return solution.head(moving);
+  for (const ConstraintEntry& entry : model.constraints()) {
+    if (const std::string defect = entry.constraint->defect_under_load(state); !defect.empty()) {
+      throw ModelError(joint_title(*entry.data) + " " + defect);
+    }
+  }
+  return a;
+}
+
+void solve_state_rates(const Model& model, State& state) {
+  const int first = model.scalar_start(), count = model.scalar_count();
+  if (count == 0) return;
+  Equations eq;
+  eq.clear(model.size(), true);
+  model.add_loads(state, eq, true);
+  model.add_constraints(state, eq, true);
+  const Eigen::MatrixXd E = eq.g_ydot.block(first, first, count, count);
+  state.ydot.segment(first, count) -= E.completeOrthogonalDecomposition().solve(eq.g.segment(first, count));
 }
 
 }  // namespace mbdae

@@ -22,6 +22,10 @@ void check_constraints(const Model& model, const State& state);
 /// rad/s^2]. Throws ModelError if the constraints contradict each other at acceleration level.
 Eigen::VectorXd solve_accelerations(const Model& model, State& state);
 
+/// Solves the scalars' own equations for their rates, everything else given; nearest to the present rates where several
+/// do.
+void solve_state_rates(const Model& model, State& state);
+
 /// A model from a deck, bad decks as ModelError.
 Model make_model(const Deck& deck);
 

@@ -359,6 +359,9 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
       throw ModelError("joint " + joint_title(*entry.data) + " " + why);
     }
   }
+  if (model.scalar_count() > 0) {
+    throw ModelError("the deck has abstract nodes, genels or elements with states: integrate it with `ms`");
+  }
   IdaIntegrator equations(model, state);
   const int n = equations.size();
   const ContextPtr context = make_context();

@@ -11,12 +11,31 @@ constexpr double kDefaultCoefficient = 0.01;  // s, LineariseOptions::c
 
 void describe_unknowns(const Model& model, LinearisedModel& out) {
   out.dofs.reserve(static_cast<std::size_t>(model.size()));
-  for (int k = 0; k < model.size(); ++k) {
+  for (int place = 0; place < model.size(); ++place) {
+    const int k = model.file_order().empty() ? place : model.file_order()[static_cast<std::size_t>(place)];
     out.dofs.push_back({model.unknown_name(k), model.unknown_kind(k), model.unknown_unit(k), model.unknown_owner(k)});
   }
-  for (const ConstraintEntry& entry : model.constraints()) {
-    out.joints.push_back({entry.data->id.name, static_cast<int>(entry.data->id.label), entry.data->type->name,
-                          entry.constraint->first(), entry.constraint->size()});
+  if (model.file_order().empty()) {
+    for (const ConstraintEntry& entry : model.constraints()) {
+      out.joints.push_back({entry.data->id.name, static_cast<int>(entry.data->id.label), entry.data->type->name,
+                            entry.constraint->first(), entry.constraint->size()});
+    }
+    return;
+  }
+  // elements with unknowns of their own, where they stand in the file
+  int first = model.scalar_start() + static_cast<int>(model.deck().abstract_nodes.size());
+  std::size_t constraint = 0;
+  for (const std::vector<ElementData>* list : {&model.deck().joints, &model.deck().genels}) {
+    for (const ElementData& data : *list) {
+      int dofs = data.type->scalars != nullptr ? data.type->scalars(data.data) : 0;
+      if (constraint < model.constraints().size() && model.constraints()[constraint].data == &data) {
+        dofs += model.constraints()[constraint++].constraint->size();
+      }
+      if (dofs == 0) continue;
+      const std::string prefix = data.type->card == CardKind::genel ? "genel " : "";
+      out.joints.push_back({data.id.name, static_cast<int>(data.id.label), prefix + data.type->name, first, dofs});
+      first += dofs;
+    }
   }
 }
 
@@ -61,6 +80,14 @@ void describe_inputs(const Model& model, const State& state, LinearisedModel& ou
   }
 }
 
+// Rows and columns from the model's order of unknowns to that of files.
+void order_for_file(const std::vector<int>& order, LinearisedModel& out) {
+  for (Eigen::MatrixXd* matrix : {&out.J_plus, &out.J_minus}) *matrix = (*matrix)(order, order).eval();
+  for (Eigen::VectorXd* vector : {&out.y, &out.ydot, &out.residual, &out.equilibrium_residual}) {
+    *vector = (*vector)(order).eval();
+  }
+}
+
 }  // namespace
 
 double deck_coefficient(const Deck& deck) {
@@ -74,7 +101,12 @@ LinearisedModel linearise_at_state(const Model& model, State& state, double c, c
   out.time = state.t;
 
   Equations eq;
-  state.ydot.setZero(model.size());
+  if (model.scalar_count() > 0) {
+    state.ydot.head(model.scalar_start()).setZero();
+    state.ydot.tail(model.reaction_count()).setZero();
+  } else {
+    state.ydot.setZero(model.size());
+  }
   model.assemble(state, eq, true);
   out.equilibrium_residual = eq.g;
   out.residual_norm = eq.g.norm();
@@ -102,9 +134,11 @@ LinearisedModel linearise_at_state(const Model& model, State& state, double c, c
     out.y.segment<3>(slot.first + 3).setZero();
   }
   out.ydot = state.ydot;
+  if (!model.file_order().empty()) order_for_file(model.file_order(), out);
   describe_unknowns(model, out);
   describe_nodes(model, state, out);
   describe_inputs(model, state, out);
+  if (!model.file_order().empty()) out.g_u = out.g_u(model.file_order(), Eigen::all).eval();
   return out;
 }
 

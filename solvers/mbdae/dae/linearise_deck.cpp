@@ -20,6 +20,8 @@ LinearisedModel linearise(const Deck& deck, const LineariseOptions& options) {
                        " entries, the deck has " + std::to_string(model.size()) + " unknowns");
     }
     state.y = *options.state;
+    if (!model.file_order().empty()) state.y(model.file_order()) = *options.state;
+    solve_state_rates(model, state);
   } else {
     solve_accelerations(model, state);
   }

@@ -17,6 +17,9 @@ constexpr MultistepCoefficients kCrankNicolson{1.0, 0.0, 0.5, 0.5, 0.0};
 // Newton has converged in all but name when the residual no longer falls below this part of the largest force.
 constexpr double kRoundOff = 1e-13;
 
+// Changes between stuck and sliding that one time step may hold; what more is asked for comes in the next one.
+constexpr int kMostSwitches = 8;
+
 // Derivative of G(g) gdot with respect to g.
 Mat3 cayley_rate_derivative(const Vec3& g, const Vec3& gdot) {
   const double scale = 4.0 / (4.0 + g.squaredNorm());
@@ -58,6 +61,9 @@ class Stepper {
             formula.a1 * last.state.y.segment<6>(slot.force) + formula.a2 * older.state.y.segment<6>(slot.force);
       }
     }
+    for (int k = model_.scalar_start(); k < model_.reaction_start(); ++k) {
+      if (!model_.algebraic(k)) known(k) = formula.a1 * last.state.y(k) + formula.a2 * older.state.y(k);
+    }
     known += h * (formula.b1 * last.rate + formula.b2 * older_rate);
 
     // Predictor: rates continue on the line through the last two.
@@ -68,6 +74,7 @@ class Stepper {
 
     const double c = h * formula.b0;
     double norm = 0.0;
+    int switches = 0;
     for (int iteration = 0; iteration <= settings_.max_iterations; ++iteration) {
       apply(last.state, known + c * rate, rate, next.state);
       model_.assemble(next.state, eq_, true);
@@ -77,6 +84,10 @@ class Stepper {
       const double load = next.state.y.size() > 0 ? next.state.y.cwiseAbs().maxCoeff() : 0.0;
       const bool exhausted = iteration > 0 && norm >= previous && norm <= kRoundOff * (1.0 + load) / c;
       if (norm <= settings_.tolerance || exhausted) {
+        if (model_.switch_modes(next.state) && ++switches <= kMostSwitches) {
+          iteration = -1;
+          continue;
+        }
         next.rate = rate;
         for (const NodeSlot& slot : model_.slots()) {
           next.rate.segment<3>(slot.first + 3) = motion_of(next.state, slot).w;
@@ -88,11 +99,14 @@ class Stepper {
       to_chart(known + c * rate, rate);
       Eigen::MatrixXd J = eq_.g_ydot + c * eq_.g_y;
       J.rightCols(count) = eq_.g_y.rightCols(count);
+      for (int k = model_.scalar_start(); k < first; ++k) {
+        if (model_.algebraic(k)) J.col(k) = eq_.g_y.col(k);
+      }
       Eigen::VectorXd g = eq_.g;
       J.bottomRows(count) /= c;
       g.tail(count) /= c;
       const Eigen::VectorXd delta = robust_solve(J, g);
-      rate.head(first) -= delta.head(first);
+      for (int k = 0; k < first; ++k) (model_.algebraic(k) ? next.state.y : rate)(k) -= delta(k);
       next.state.y.tail(count) -= delta.tail(count);
     }
     int worst = 0;
@@ -106,7 +120,7 @@ class Stepper {
   }
 
  private:
-  // Unknowns about the reference pose to motions of the nodes, momenta and their rates.
+  // Unknowns about the reference pose to motions of the nodes, momenta, states and their rates.
   void apply(const State& reference, const Eigen::VectorXd& y, const Eigen::VectorXd& rate, State& out) const {
     for (std::size_t i = 0; i < out.nodes.size(); ++i) {
       const NodeSlot& slot = model_.slots()[i];
@@ -119,6 +133,11 @@ class Stepper {
         out.y.segment<6>(slot.force) = y.segment<6>(slot.force);
         out.ydot.segment<6>(slot.force) = rate.segment<6>(slot.force);
       }
+    }
+    for (int k = model_.scalar_start(); k < model_.reaction_start(); ++k) {
+      if (model_.algebraic(k)) continue;
+      out.y(k) = y(k);
+      out.ydot(k) = rate(k);
     }
   }
 
@@ -157,6 +176,7 @@ Motion integrate_multistep(Model& model, const State& state, const InitialValueD
   MotionRecorder recorder(model, options.channels);
   recorder.record(state);
 
+  model.accept(state);
   Instant last{state, state.ydot};
   for (const NodeSlot& slot : model.slots()) {
     last.rate.segment<3>(slot.first) = motion_of(state, slot).v;
@@ -173,6 +193,7 @@ Motion integrate_multistep(Model& model, const State& state, const InitialValueD
                                 k == 1 && two_step ? kCrankNicolson : regular);
     older = std::move(last);
     last = std::move(next);
+    model.accept(last.state);
     if (k % options.output_every == 0 || k == steps) recorder.record(last.state);
     if (options.progress) options.progress(last.state.t);
   }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -93,16 +94,22 @@ struct Context {
   Registry<Law3> laws3{"3D constitutive law"};
   Registry<Law6> laws6{"6D constitutive law"};
   Registry<Nothing> bodies{"body"};
-  Registry<Nothing> joints{"joint"};
-  Registry<Nothing> forces{"force"};
+  Registry<std::size_t> joints{"joint"};  ///< index in Deck::joints
+  Registry<std::size_t> genels{"genel"};
+  Registry<std::size_t> forces{"force"};
+  Registry<std::size_t> abstract_nodes{"abstract node"};
+  std::map<std::string, ScalarFunctionPtr> scalar_functions;
 
   Count node_count{"structural nodes", {}, {}};
   Count body_count{"rigid bodies", {}, {}};
   Count joint_count{"joints", {}, {}};
   Count force_count{"forces", {}, {}};
+  Count abstract_node_count{"abstract nodes", {}, {}};
+  Count genel_count{"genels", {}, {}};
   Count gravity_count{"gravity", {}, {}};
 
   std::uint64_t initial_value_cards = 0;  ///< one bit for every card of the initial value block seen
+  bool state_drives = false;              ///< drives that read the state are welcome (AllowStateDrives)
   bool muscle_module_loaded = false;
   bool muscle_module_missed = false;  ///< the warning has been given
 
@@ -122,6 +129,21 @@ struct Context {
     const NodeData& node = deck.nodes[index];
     return {node.x, node.R, node.v, node.w};
   }
+};
+
+/// As long as it lives, drives may read the state: their user has the derivatives by them.
+class AllowStateDrives {
+ public:
+  explicit AllowStateDrives(Context& context) : context_(context), before_(context.state_drives) {
+    context_.state_drives = true;
+  }
+  ~AllowStateDrives() { context_.state_drives = before_; }
+  AllowStateDrives(const AllowStateDrives&) = delete;
+  AllowStateDrives& operator=(const AllowStateDrives&) = delete;
+
+ private:
+  Context& context_;
+  bool before_;
 };
 
 /// The identity of a thing: its constant's name or "kind label".

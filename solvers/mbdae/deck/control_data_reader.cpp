@@ -29,8 +29,7 @@ constexpr const char* kWithoutEffect[] = {"print",
                                           "make restart file",
                                           "default element output"};
 /// Cards that count what is not read here: only zero will do.
-constexpr const char* kOtherCounts[] = {"abstract nodes",
-                                        "electric nodes",
+constexpr const char* kOtherCounts[] = {"electric nodes",
                                         "hydraulic nodes",
                                         "parameter nodes",
                                         "thermal nodes",
@@ -43,7 +42,6 @@ constexpr const char* kOtherCounts[] = {"abstract nodes",
                                         "electric bulk elements",
                                         "electric elements",
                                         "file drivers",
-                                        "genels",
                                         "hydraulic elements",
                                         "induced velocity elements",
                                         "inertia",
@@ -57,6 +55,8 @@ constexpr const char* kOtherCounts[] = {"abstract nodes",
                                         "membranes",
                                         "shells"};
 constexpr const char* kKnown[] = {"structural nodes",
+                                  "abstract nodes",
+                                  "genels",
                                   "rigid bodies",
                                   "joints",
                                   "forces",
@@ -89,7 +89,8 @@ void read_control_data_card(Context& context, const Words& card) {
   static constexpr const char* kDescriptions[] = {"euler123", "euler313", "euler321", "orientation vector",
                                                   "orientation matrix"};
   Input& input = context.input;
-  for (Count* count : {&context.node_count, &context.body_count, &context.joint_count, &context.force_count}) {
+  for (Count* count : {&context.node_count, &context.abstract_node_count, &context.body_count, &context.joint_count,
+                       &context.genel_count, &context.force_count}) {
     if (!card.is(count->card)) continue;
     read_count(context, count);
     input.end_card();
@@ -125,7 +126,8 @@ void read_control_data_card(Context& context, const Words& card) {
 }
 
 void check_counts(Context& context) {
-  for (const Count* count : {&context.node_count, &context.body_count, &context.joint_count, &context.force_count}) {
+  for (const Count* count : {&context.node_count, &context.abstract_node_count, &context.body_count,
+                             &context.joint_count, &context.genel_count, &context.force_count}) {
     const std::int64_t announced = count->announced.value_or(0);
     if (announced == count->found) continue;
     std::string message = std::string("the control data announce ") + std::to_string(announced) + " " + count->card +

@@ -23,6 +23,7 @@
 
 #include "mbdae/deck/element_type.h"
 #include "mbdae/drive/drive.h"
+#include "mbdae/drive/signal.h"
 
 namespace mbdae {
 
@@ -71,6 +72,30 @@ struct DummyNodeData {
   Vec3 offset = Vec3::Zero();        ///< in the base node's frame [m]
   Mat3 rotation = Mat3::Identity();  ///< relative to the base node
 };
+
+/// An abstract node: one unknown, and one equation that is empty until elements write into it.
+struct AbstractNodeData {
+  Identity id;
+  bool differential = true;  ///< otherwise algebraic: its value has no rate
+  double value = 0.0, rate = 0.0;
+};
+
+/// A degree of freedom of a node, or the equation that belongs to it.
+struct DofData {
+  bool structural = false;  ///< of Deck::nodes, otherwise of Deck::abstract_nodes
+  std::size_t node = 0;
+  int component = 0;  ///< of a structural node: 0, 1, 2 along x, y, z; 3, 4, 5 about them
+  bool rate = false;  ///< the `differential` order: the velocity, or the rate of the value
+};
+
+/// A function of one number from a `scalar function` card, with its derivative.
+class ScalarFunction {
+ public:
+  virtual ~ScalarFunction() = default;
+  virtual double value(double x) const = 0;
+  virtual double slope(double x) const = 0;
+};
+using ScalarFunctionPtr = std::shared_ptr<const ScalarFunction>;
 
 // ---- constitutive laws -------------------------------------------------------------------------------------------
 // N = 1, 3 or 6 components; N = 1 uses 1x1 Eigen types so that one template serves all.
@@ -201,10 +226,13 @@ struct Deck {
   ControlData control;
   std::vector<NodeData> nodes;  ///< in deck order: the order of the unknowns
   std::vector<DummyNodeData> dummy_nodes;
+  std::vector<AbstractNodeData> abstract_nodes;  ///< in deck order: their unknowns follow those of structural nodes
   std::vector<BodyData> bodies;
-  std::vector<ElementData> joints;        ///< in deck order, rods and deformable elements included
-  std::vector<ElementData> forces;        ///< forces and couples in deck order
-  std::optional<VectorDrive<3>> gravity;  ///< uniform acceleration [m/s^2], global components
+  std::vector<ElementData> joints;                     ///< in deck order, rods and deformable elements included
+  std::vector<ElementData> genels;                     ///< in deck order
+  std::vector<ElementData> forces;                     ///< forces and couples in deck order
+  std::vector<std::shared_ptr<const Signal>> signals;  ///< what drives read of the state
+  std::optional<VectorDrive<3>> gravity;               ///< uniform acceleration [m/s^2], global components
 };
 
 }  // namespace mbdae

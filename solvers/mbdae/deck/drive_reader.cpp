@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mbdae/deck/element_reader.h"
+#include "mbdae/deck/scalar_reader.h"
 #include "mbdae/drive/drive_library.h"
 
 namespace mbdae::reading {
@@ -31,29 +32,30 @@ enum DriveKind {
   kString,
   kArray,
   kMult,
-  kReference
+  kReference,
+  kLinear,
+  kNode,
+  kElement,
+  kDof
 };
 
-constexpr const char* kDrives[] = {"const", "null",   "unit", "one",    "time",  "timestep", "direct",   "ramp",
-                                   "sine",  "cosine", "step", "string", "array", "mult",     "reference"};
+constexpr const char* kDrives[] = {"const",     "null",   "unit",   "one",     "time",   "timestep", "direct",
+                                   "ramp",      "sine",   "cosine", "step",    "string", "array",    "mult",
+                                   "reference", "linear", "node",   "element", "dof"};
 
 /// Drives of the language that are not read here.
 constexpr const char* kOtherDrives[] = {"closest next",
                                         "cubic",
                                         "discrete filter",
-                                        "dof",
                                         "double ramp",
                                         "double step",
                                         "drive",
-                                        "element",
                                         "event",
                                         "exponential",
                                         "file",
                                         "fourier series",
                                         "frequency sweep",
-                                        "linear",
                                         "meter",
-                                        "node",
                                         "parabolic",
                                         "periodic",
                                         "piecewise linear",
@@ -129,6 +131,25 @@ DrivePtr read_array(Context& context, int depth) {
   return std::make_shared<const SumDrive>(std::move(drives));
 }
 
+/// Refuses a drive that reads the state where its user does not expect one.
+void check_state_drive(Context& context, const SourcePosition& where) {
+  if (context.state_drives) return;
+  context.input.fail(where,
+                     "not supported here: a drive that reads the state; it may drive forces, genels, total joints, "
+                     "velocities, distances and activations");
+}
+
+/// The drive of the signal's value.
+DrivePtr nested(Context& context, int depth, std::shared_ptr<const Signal> signal) {
+  context.input.need("the drive of the value: direct, linear, string, ...");
+  const SourcePosition where = context.input.where();
+  DrivePtr drive = read_part(context, depth + 1);
+  if (drive->reads_state()) {
+    context.input.fail(where, "not supported: a drive that reads the state within another one");
+  }
+  return std::make_shared<const SignalDrive>(std::move(signal), std::move(drive));
+}
+
 DrivePtr read(Context& context, int depth) {
   Input& input = context.input;
   const SourcePosition where = input.where();
@@ -167,8 +188,24 @@ DrivePtr read(Context& context, int depth) {
       DrivePtr first = read_part(context, depth + 1);
       return std::make_shared<const ProductDrive>(std::move(first), read_part(context, depth + 1));
     }
-    case kReference:
-      return context.drives.get(input, input.label("the label of a drive caller"));
+    case kReference: {
+      DrivePtr drive = context.drives.get(input, input.label("the label of a drive caller"));
+      if (drive->reads_state()) check_state_drive(context, where);
+      return drive;
+    }
+    case kLinear: {
+      const double initial = input.real("the value at zero");
+      return std::make_shared<const LinearDrive>(initial, input.real("the slope"));
+    }
+    case kNode:
+      check_state_drive(context, where);
+      return nested(context, depth, read_node_signal(context));
+    case kElement:
+      check_state_drive(context, where);
+      return nested(context, depth, read_element_signal(context));
+    case kDof:
+      check_state_drive(context, where);
+      return nested(context, depth, read_dof_signal(context));
     default:
       break;
   }

@@ -19,7 +19,6 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "brake",
                                         "cardano rotation",
                                         "deformable displacement hinge",
-                                        "distance",
                                         "distance with offset",
                                         "drive displacement",
                                         "drive displacement pin",
@@ -32,15 +31,12 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "imposed kinematics",
                                         "imposed orientation",
                                         "in line contact",
-                                        "in plane",
                                         "in plane contact",
                                         "inline",
                                         "inline friction",
                                         "inplane",
                                         "invariant deformable displacement joint",
                                         "kinematic",
-                                        "linear acceleration",
-                                        "linear velocity",
                                         "modal",
                                         "offset displacement joint",
                                         "plane displacement",
@@ -49,7 +45,6 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "plane pin",
                                         "point contact",
                                         "point surface contact",
-                                        "prismatic",
                                         "revolute rotation",
                                         "rod bezier",
                                         "rod with offset",
@@ -63,7 +58,9 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
 
 constexpr const char* kOtherForces[] = {"absolute internal", "follower internal",   "total",
                                         "total internal",    "external structural", "modal",
-                                        "abstract",          "abstract internal"};
+                                        "abstract internal"};
+
+constexpr const char* kOtherGenels[] = {"distance with offset", "rotor", "rotor trim", "swash plate"};
 
 /// What a kind of card is called, and where its entities are kept.
 struct Family {
@@ -73,7 +70,7 @@ struct Family {
   const char* kind;         ///< of identities
   Choices unread;           ///< types of the language that are not read here
   Count* count;
-  Registry<Nothing>* registry;
+  Registry<std::size_t>* registry;
   std::vector<ElementData>* list;
 };
 
@@ -82,6 +79,9 @@ Family family(Context& context, CardKind card) {
     case CardKind::joint:
       return {"a joint label", "joint type",         "joint",         "joint",
               kOtherJoints,    &context.joint_count, &context.joints, &context.deck.joints};
+    case CardKind::genel:
+      return {"a genel label", "genel type",         "genel",         "genel",
+              kOtherGenels,    &context.genel_count, &context.genels, &context.deck.genels};
     case CardKind::force:
       return {"a force label", "force type",         "force type",    "force",
               kOtherForces,    &context.force_count, &context.forces, &context.deck.forces};
@@ -155,7 +155,7 @@ void read_element(Context& context, CardKind card) {
   }
   input.end_card();
   known.list->push_back(std::move(element));
-  known.registry->define(label, {});
+  known.registry->define(label, known.list->size() - 1);
 }
 
 }  // namespace mbdae::reading

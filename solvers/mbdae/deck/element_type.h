@@ -20,7 +20,7 @@ struct Context;
 }
 
 /// The word before the colon: `joint: label, TYPE, ...;`
-enum class CardKind { joint, force, couple };
+enum class CardKind { joint, genel, force, couple };
 
 struct ElementType {
   CardKind card;
@@ -35,6 +35,10 @@ struct ElementType {
   std::unique_ptr<Element> (*make)(const std::any& data, const Numbering& numbering);
   /// For elements that count differently from case to case; may be null.
   const char* (*counts)(const std::any& data);
+  /// Number of unknowns of its own beside reactions (states and algebraic values), in these data; null for none.
+  int (*scalars)(const std::any& data);
+  /// Names of what `element` drives may read of it.
+  std::span<const char* const> signals;
 };
 
 /// All rows. They live as long as the program.

@@ -36,7 +36,7 @@ class Evaluator {
   }
 
   ReadingState* state = nullptr;  // null at run time
-  Real time{}, time_step{};
+  Real time{}, time_step{}, argument{};
 
   V evaluate(int index) {
     const ExpressionNode& node = expression_.nodes[static_cast<std::size_t>(index)];
@@ -52,8 +52,9 @@ class Evaluator {
       case Op::local:
         return locals_[node.index];
       case Op::time:
-      case Op::argument:
         return V::from_real(time);
+      case Op::argument:
+        return V::from_real(argument);
       case Op::time_step:
         return V::from_real(time_step);
       case Op::model_current:
@@ -483,9 +484,10 @@ Value<double> evaluate(const Expression& expression, ReadingState& state) {
   return evaluator.evaluate(expression.root);
 }
 
-Jet StringDrive::checked(double t) const {
+Jet StringDrive::checked(const Jet& time, const Jet& argument) const {
   Evaluator<Jet> evaluator(expression_, *symbols_);
-  evaluator.time = {t, 1.0, 0.0};
+  evaluator.time = time;
+  evaluator.argument = argument;
   evaluator.time_step = {time_step_, 0.0, 0.0};
   const Value<Jet> value = evaluator.evaluate(expression_.root);
   if (value.type == Type::real) return value.real;
@@ -496,10 +498,14 @@ Jet StringDrive::checked(double t) const {
   return {static_cast<double>(value.integer), 0.0, 0.0};
 }
 
-Jet StringDrive::at(double t) const {
+Jet StringDrive::at(double t) const { return unchecked({t, 1.0, 0.0}, {t, 1.0, 0.0}); }
+
+Jet StringDrive::at_argument(double argument, double t) const { return unchecked({t, 0.0, 0.0}, {argument, 1.0, 0.0}); }
+
+Jet StringDrive::unchecked(const Jet& time, const Jet& argument) const {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   try {
-    return checked(t);
+    return checked(time, argument);
   } catch (const EvaluationError&) {
   } catch (const BrokenVariable&) {
   }

@@ -40,11 +40,15 @@ class StringDrive final : public Drive {
   StringDrive(Expression expression, std::shared_ptr<const Symbols> symbols, double time_step)
       : expression_(std::move(expression)), symbols_(std::move(symbols)), time_step_(time_step) {}
   Jet at(double t) const override;
+  Jet at_argument(double argument, double t) const override;
 
   /// As `at`, but throws EvaluationError or BrokenVariable instead of returning NaN.
-  Jet checked(double t) const;
+  Jet checked(double t) const { return checked(Jet{t, 1.0, 0.0}, Jet{t, 1.0, 0.0}); }
 
  private:
+  Jet checked(const Jet& time, const Jet& argument) const;
+  Jet unchecked(const Jet& time, const Jet& argument) const;
+
   Expression expression_;
   std::shared_ptr<const Symbols> symbols_;
   double time_step_;  // [s]

@@ -41,7 +41,10 @@ MuscleLaw read_muscle(Context& context, const SourcePosition& where) {
   input.require("reference force");
   law.F0 = input.positive("the reference force [N]");
   input.require("activation");
-  law.activation = read_drive(context);
+  {
+    const AllowStateDrives allow(context);
+    law.activation = read_drive(context);
+  }
   if (input.more() && input.take("activation check")) law.activation_check = input.yes_no();
   if (const SourcePosition here = input.where(); input.more() && input.take("warn")) {
     const bool warn = input.yes_no();

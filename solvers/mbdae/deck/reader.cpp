@@ -12,6 +12,7 @@
 #include "mbdae/deck/drive_reader.h"
 #include "mbdae/deck/element_reader.h"
 #include "mbdae/deck/law_reader.h"
+#include "mbdae/deck/scalar_reader.h"
 #include "mbdae/deck/source.h"
 
 namespace mbdae {
@@ -25,7 +26,7 @@ constexpr int kBlockCount = 5;
 constexpr const char* kBlockNames[] = {"data", "initial value", "control data", "nodes", "elements", "multistep"};
 enum Block { kData, kInitialValue, kControlData, kNodes, kElements };
 
-constexpr const char* kElementCards[] = {"body", "joint", "gravity", "force", "couple"};
+constexpr const char* kElementCards[] = {"body", "joint", "genel", "gravity", "force", "couple"};
 constexpr const char* kOtherElements[] = {"aerodynamic beam",
                                           "aerodynamic beam2",
                                           "aerodynamic beam3",
@@ -40,7 +41,6 @@ constexpr const char* kOtherElements[] = {"aerodynamic beam",
                                           "bulk",
                                           "driven",
                                           "electric",
-                                          "genel",
                                           "generic aerodynamic force",
                                           "hydraulic",
                                           "induced velocity",
@@ -58,14 +58,19 @@ constexpr const char* kOtherElements[] = {"aerodynamic beam",
                                           "thermal",
                                           "user defined",
                                           "variable body"};
-constexpr const char* kOtherNodes[] = {"abstract", "electric", "hydraulic", "parameter", "thermal", "output"};
+constexpr const char* kOtherNodes[] = {"electric", "hydraulic", "parameter", "thermal", "output"};
 constexpr const char* kEverywhere[] = {
-    "set", "include", "remark", "reference", "drive caller", "constitutive law", "module load", "begin", "end"};
-constexpr const char* kOtherGlobals[] = {"scalar function", "template drive caller",
-                                         "hydraulic fluid", "c81 data",
-                                         "setenv",          "chdir",
-                                         "friction",        "license",
-                                         "namespace",       "plugin"};
+    "set",         "include", "remark", "reference", "drive caller", "constitutive law", "scalar function",
+    "module load", "begin",   "end"};
+constexpr const char* kOtherGlobals[] = {"template drive caller",
+                                         "hydraulic fluid",
+                                         "c81 data",
+                                         "setenv",
+                                         "chdir",
+                                         "friction",
+                                         "license",
+                                         "namespace",
+                                         "plugin"};
 
 class Reader {
  public:
@@ -112,8 +117,8 @@ class Reader {
   bool read_common(const Words& card) {
     Input& input = context_.input;
     const bool reference = card.is("reference"), drive = card.is("drive caller"), law = card.is("constitutive law");
-    const bool module = card.is("module load");
-    if (!reference && !drive && !law && !module) return false;
+    const bool module = card.is("module load"), function = card.is("scalar function");
+    if (!reference && !drive && !law && !module && !function) return false;
     if (drive && done_ <= kControlData && block_ != kControlData) {
       input.fail(card.where,
                  "the card " + quoted(card.written) + " comes too early, expected after `begin: control data;`");
@@ -124,6 +129,8 @@ class Reader {
       read_drive_caller(context_);
     } else if (law) {
       read_constitutive_law(context_);
+    } else if (function) {
+      read_scalar_function(context_);
     } else {
       const std::string name = input.string("a module name in quotes");
       input.ignore_arguments();
@@ -153,17 +160,19 @@ class Reader {
   }
 
   void read_node_card(const Words& card) {
-    static constexpr const char* kCards[] = {"structural"};
+    static constexpr const char* kCards[] = {"structural", "abstract"};
     if (card.is("structural")) return read_structural(context_);
+    if (card.is("abstract")) return read_abstract(context_);
     for (const char* other : kOtherNodes) {
       if (card.is(other)) context_.input.fail(card.where, std::string("not supported: the node `") + other + "`");
     }
-    unknown(card, "expected `structural: ...;` or `end: nodes;`", kCards);
+    unknown(card, "expected `structural: ...;`, `abstract: ...;` or `end: nodes;`", kCards);
   }
 
   void read_element_card(const Words& card) {
     if (card.is("body")) return read_body(context_);
     if (card.is("joint")) return read_element(context_, CardKind::joint);
+    if (card.is("genel")) return read_element(context_, CardKind::genel);
     if (card.is("gravity")) return read_gravity(context_);
     if (card.is("force")) return read_element(context_, CardKind::force);
     if (card.is("couple")) return read_element(context_, CardKind::couple);

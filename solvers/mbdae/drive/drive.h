@@ -19,6 +19,14 @@ struct Jet {
   double second = 0.0;
 };
 
+class Signal;
+
+/// Derivative of a drive's value by a quantity of the state that it reads.
+struct Sensitivity {
+  const Signal* signal = nullptr;
+  double derivative = 0.0;
+};
+
 /// A scalar function of time [s].
 class Drive {
  public:
@@ -26,6 +34,15 @@ class Drive {
 
   /// Value and derivatives at time t. At kinks (ramp ends) the derivative of the branch entered at t.
   virtual Jet at(double t) const = 0;
+
+  /// As a drive within another: a function of the outer drive's `argument`, its derivatives by that; `t` is the time.
+  virtual Jet at_argument(double argument, double /*t*/) const { return at(argument); }
+
+  /// True if the value depends on the model's state (drive/signal.h).
+  virtual bool reads_state() const { return false; }
+
+  /// Adds `factor` times the derivatives of the value by what it reads of the state.
+  virtual void add_sensitivity(double /*t*/, double /*factor*/, std::vector<Sensitivity>& /*out*/) const {}
 
   double value(double t) const { return at(t).value; }
 };
@@ -51,6 +68,13 @@ struct VectorDrive {
     DrivePtr drive;
   };
   std::vector<Term> terms;
+
+  bool reads_state() const {
+    for (const Term& term : terms) {
+      if (term.drive->reads_state()) return true;
+    }
+    return false;
+  }
 
   /// Value (derivative = 0), rate (1) or second derivative (2) at time t.
   Vector at(double t, int derivative = 0) const {

@@ -42,6 +42,32 @@ Jet SumDrive::at(double t) const {
   return sum;
 }
 
+Jet SumDrive::at_argument(double argument, double t) const {
+  Jet sum;
+  for (const DrivePtr& drive : drives_) sum = sum + drive->at_argument(argument, t);
+  return sum;
+}
+
+bool SumDrive::reads_state() const {
+  for (const DrivePtr& drive : drives_) {
+    if (drive->reads_state()) return true;
+  }
+  return false;
+}
+
+void SumDrive::add_sensitivity(double t, double factor, std::vector<Sensitivity>& out) const {
+  for (const DrivePtr& drive : drives_) drive->add_sensitivity(t, factor, out);
+}
+
 Jet ProductDrive::at(double t) const { return first_->at(t) * second_->at(t); }
+
+Jet ProductDrive::at_argument(double argument, double t) const {
+  return first_->at_argument(argument, t) * second_->at_argument(argument, t);
+}
+
+void ProductDrive::add_sensitivity(double t, double factor, std::vector<Sensitivity>& out) const {
+  first_->add_sensitivity(t, factor * second_->value(t), out);
+  second_->add_sensitivity(t, factor * first_->value(t), out);
+}
 
 }  // namespace mbdae

@@ -79,11 +79,24 @@ class CosineDrive final : public WaveDrive {
   Jet wave(double tau) const override;
 };
 
+/// v0 + slope times the argument (`linear`); the time where nothing else is the argument.
+class LinearDrive final : public Drive {
+ public:
+  LinearDrive(double initial, double slope) : initial_(initial), slope_(slope) {}
+  Jet at(double t) const override { return {initial_ + slope_ * t, slope_, 0.0}; }
+
+ private:
+  double initial_, slope_;
+};
+
 /// The sum of drives (`array`).
 class SumDrive final : public Drive {
  public:
   explicit SumDrive(std::vector<DrivePtr> drives) : drives_(std::move(drives)) {}
   Jet at(double t) const override;
+  Jet at_argument(double argument, double t) const override;
+  bool reads_state() const override;
+  void add_sensitivity(double t, double factor, std::vector<Sensitivity>& out) const override;
 
  private:
   std::vector<DrivePtr> drives_;
@@ -94,6 +107,9 @@ class ProductDrive final : public Drive {
  public:
   ProductDrive(DrivePtr first, DrivePtr second) : first_(std::move(first)), second_(std::move(second)) {}
   Jet at(double t) const override;
+  Jet at_argument(double argument, double t) const override;
+  bool reads_state() const override { return first_->reads_state() || second_->reads_state(); }
+  void add_sensitivity(double t, double factor, std::vector<Sensitivity>& out) const override;
 
  private:
   DrivePtr first_, second_;

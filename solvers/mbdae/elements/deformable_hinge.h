@@ -24,12 +24,15 @@ struct DeformableHingeData {
   NodeIndex node1, node2;
   Mat3 R1h, R2h;
   Law3 law;
+
+  static constexpr const char* kSignals[] = {"rx", "ry", "rz", "wx", "wy", "wz", "Mx", "My", "Mz"};
 };
 
 class DeformableHinge final : public Element {
  public:
   DeformableHinge(const DeformableHingeData& data, const Numbering& numbering);
   void assemble(const State& state, Equations& eq, bool tangent) const override;
+  SignalValue signal(int k, const State& state) const override;
 
  private:
   DeformableHingeData data_;

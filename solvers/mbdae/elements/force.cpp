@@ -11,15 +11,22 @@ void AppliedForce::assemble(const State& state, Equations& eq, bool tangent) con
   const bool follower = data_.frame == ForceFrame::follower;
   Vec3 value = data_.value.at(state.t);
   if (follower) value = n.R * value;
+  const Mat3 frame = follower ? n.R : Mat3(Mat3::Identity());
   const int F = node_.force, M = moment_row(node_), g = rotation_column(node_);
   if (data_.couple) {
     add_to_g(eq.g, node_, Vec3::Zero(), -value);
-    if (tangent && follower) add_block(eq.g_y, M, g, skew(value));
+    if (!tangent) return;
+    if (follower) add_block(eq.g_y, M, g, skew(value));
+    if (data_.value.reads_state()) add_drive_derivative(eq, M, data_.value, state.t, -frame);
     return;
   }
   const Vec3 arm = n.R * data_.arm;
   add_to_g(eq.g, node_, -value, -arm.cross(value));
   if (!tangent) return;
+  if (data_.value.reads_state()) {
+    add_drive_derivative(eq, F, data_.value, state.t, -frame);
+    add_drive_derivative(eq, M, data_.value, state.t, -skew(arm) * frame);
+  }
   if (follower) {
     add_block(eq.g_y, F, g, skew(value));
     add_block(eq.g_y, M, g, skew(arm.cross(value)));
@@ -33,6 +40,7 @@ namespace reading {
 namespace {
 
 ForceData read_load(Context& context, ForceFrame frame, bool couple) {
+  const AllowStateDrives allow(context);
   Input& input = context.input;
   ForceData force;
   force.frame = frame;

@@ -33,9 +33,9 @@ std::optional<double> read_initial_theta(Input& input) {
 RevoluteHingeData read_revolute_hinge(Context& context) {
   const auto [first, second] = read_two_ends(context, Presence::required);
   RevoluteHingeData joint{
-      first.node, second.node, first.position, second.position, first.orientation, second.orientation, {}, {}};
+      first.node, second.node, first.position, second.position, first.orientation, second.orientation, {}, {}, {}};
   joint.initial_theta = read_initial_theta(context.input);
-  refuse_friction(context.input);
+  joint.friction = read_friction(context);
   skip_joint_options(context.input);
   if (const auto state = read_initial_state<5>(context)) joint.initial_reaction = state->head<5>();
   return joint;
@@ -60,6 +60,14 @@ CardanoHingeData read_cardano_hinge(Context& context) {
 CardanoPinData read_cardano_pin(Context& context) {
   const Pin pin = read_pin(context);
   return CardanoPinData{pin.end.node, pin.end.position, pin.end.orientation, pin.X0, pin.R0};
+}
+
+PrismaticData read_prismatic(Context& context) {
+  End first = read_end(context);
+  read_hinge(context, first.place(), &first.orientation);
+  End second = read_end(context);
+  read_hinge(context, second.after(first), &second.orientation);
+  return PrismaticData{first.node, second.node, first.orientation, second.orientation};
 }
 
 }  // namespace mbdae::reading

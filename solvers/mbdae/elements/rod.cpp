@@ -51,6 +51,19 @@ void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
   add_to_g(eq.g, node2_, F, geo.f2.cross(F));
   if (!tangent) return;
 
+  if (const auto* muscle = std::get_if<MuscleLaw>(&data_.law); muscle != nullptr && muscle->activation->reads_state()) {
+    const double by_activation = evaluate(*muscle, state.t, geo.eps, geo.eps_rate).by_activation;
+    const NodeSlot* nodes[2] = {&node1_, &node2_};
+    const Vec3 pull[2] = {-by_activation * n, by_activation * n},
+               moments[2] = {geo.f1.cross(pull[0]), geo.f2.cross(pull[1])};
+    for (int i = 0; i < 2; ++i) {
+      for (int j = 0; j < 3 && nodes[i]->force >= 0; ++j) {
+        add_drive_derivative(eq, nodes[i]->force + j, *muscle->activation, state.t, pull[i](j));
+        add_drive_derivative(eq, nodes[i]->force + 3 + j, *muscle->activation, state.t, moments[i](j));
+      }
+    }
+  }
+
   // dF = D_x du + D_v dudot
   const double L0 = data_.L0;
   const Mat3 D_v = (d / L0) * n * n.transpose();

@@ -8,10 +8,15 @@
 #include "mbdae/elements/deformable_displacement_joint.h"
 #include "mbdae/elements/deformable_hinge.h"
 #include "mbdae/elements/deformable_joint.h"
+#include "mbdae/elements/distance.h"
 #include "mbdae/elements/force.h"
+#include "mbdae/elements/genel_constraints.h"
+#include "mbdae/elements/genel_springs.h"
 #include "mbdae/elements/hinge.h"
 #include "mbdae/elements/invariant_deformable_hinge.h"
+#include "mbdae/elements/linear_motion.h"
 #include "mbdae/elements/rod.h"
+#include "mbdae/elements/state_space.h"
 #include "mbdae/elements/total.h"
 
 namespace mbdae {
@@ -41,11 +46,16 @@ ElementType row(CardKind card, const char* name, const char* counts_as, const ch
   if constexpr (requires(const Data& data) { data.counts_as(); }) {
     type.counts = [](const std::any& data) { return std::any_cast<Data>(&data)->counts_as(); };
   }
+  if constexpr (requires(const Data& data) { data.scalars(); }) {
+    type.scalars = [](const std::any& data) { return std::any_cast<Data>(&data)->scalars(); };
+  }
+  if constexpr (requires { Data::kSignals; }) type.signals = Data::kSignals;
   return type;
 }
 
 using namespace reading;  // the readers
-constexpr CardKind kJoint = CardKind::joint, kForce = CardKind::force, kCouple = CardKind::couple;
+constexpr CardKind kJoint = CardKind::joint, kGenel = CardKind::genel, kForce = CardKind::force,
+                   kCouple = CardKind::couple;
 
 const ElementType kElements[] = {
     row<read_clamp, TotalConstraint>(kJoint, "clamp", "joints"),
@@ -56,6 +66,11 @@ const ElementType kElements[] = {
     row<read_cardano_hinge, Hinge>(kJoint, "cardano hinge", "joints", "universal hinge"),
     row<read_cardano_pin, Hinge>(kJoint, "cardano pin", "joints", "universal pin"),
     row<read_in_line, TotalConstraint>(kJoint, "in line", "joints"),
+    row<read_in_plane, TotalConstraint>(kJoint, "in plane", "joints"),
+    row<read_prismatic, Hinge>(kJoint, "prismatic", "joints"),
+    row<read_distance, Distance>(kJoint, "distance", "joints"),
+    row<read_linear_velocity, LinearMotion>(kJoint, "linear velocity", "joints"),
+    row<read_linear_acceleration, LinearMotion>(kJoint, "linear acceleration", "joints"),
     row<read_total_joint, TotalConstraint>(kJoint, "total joint", "joints"),
     row<read_total_pin, TotalConstraint>(kJoint, "total pin joint", "joints"),
     row<read_rod, Rod>(kJoint, "rod", "rods"),
@@ -65,6 +80,16 @@ const ElementType kElements[] = {
     row<read_deformable_displacement_joint, DeformableDisplacementJoint>(kJoint, "deformable displacement joint",
                                                                          "deformable"),
     row<read_invariant_deformable_hinge, InvariantDeformableHinge>(kJoint, "invariant deformable hinge", "deformable"),
+    row<read_spring_support, SpringSupport>(kGenel, "spring support", "genels"),
+    row<read_cross_spring, SpringSupport>(kGenel, "cross spring support", "genels"),
+    row<read_scalar_spring, ScalarSpring>(kGenel, "spring", "genels"),
+    row<read_genel_mass, GenelMass>(kGenel, "mass", "genels"),
+    row<read_genel_clamp, ScalarConstraint>(kGenel, "clamp", "genels"),
+    row<read_genel_distance, ScalarConstraint>(kGenel, "distance", "genels"),
+    row<read_state_space_siso, StateSpace>(kGenel, "state space siso", "genels"),
+    row<read_state_space_mimo, StateSpace>(kGenel, "state space mimo", "genels"),
+    row<read_scalar_filter, StateSpace>(kGenel, "scalar filter", "genels"),
+    row<read_abstract_force, AbstractForce>(kForce, "abstract", "forces"),
     row<read_absolute_force, AppliedForce>(kForce, "absolute", "forces", "conservative"),
     row<read_follower_force, AppliedForce>(kForce, "follower", "forces"),
     row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces", "conservative"),

@@ -10,6 +10,20 @@ constexpr std::array<TotalComponent, 3> kNone{TotalComponent::inactive, TotalCom
                                               TotalComponent::inactive};
 }  // namespace
 
+namespace {
+
+/// Adds to a row the derivatives of `coefficient` times a component of a vector drive.
+void add_component_derivative(Equations& eq, int row, const VectorDrive<3>& drive, double t, int component,
+                              double coefficient) {
+  for (const auto& term : drive.terms) {
+    if (term.direction(component) != 0.0) {
+      add_drive_derivative(eq, row, *term.drive, t, coefficient * term.direction(component));
+    }
+  }
+}
+
+}  // namespace
+
 struct TotalConstraint::Offset {
   Mat3 R;        // position frame in node 1, global
   Vec3 b1, b2;   // the point from node 1 and from node 2
@@ -66,6 +80,19 @@ TotalConstraint::TotalConstraint(const InLineData& data, const Numbering& number
   add_rows({TotalComponent::position, TotalComponent::position, TotalComponent::inactive}, kNone);
 }
 
+TotalConstraint::TotalConstraint(const InPlaneData& data, const Numbering& numbering)
+    : node1_(numbering.slot(data.node1)),
+      node2_(numbering.slot(data.node2)),
+      f2_(data.q),
+      R1hr_(Mat3::Identity()),
+      R2hr_(Mat3::Identity()) {
+  const Vec3 across = data.n.unitOrthogonal();
+  R1h_ << across, data.n.cross(across), data.n;
+  origin_ = R1h_.transpose() * data.p;
+  first_ = numbering.first;
+  add_rows({TotalComponent::inactive, TotalComponent::inactive, TotalComponent::position}, kNone);
+}
+
 TotalConstraint::TotalConstraint(const TotalJointData& data, const Numbering& numbering)
     : node1_(numbering.slot(data.node1)),
       node2_(numbering.slot(data.node2)),
@@ -76,7 +103,8 @@ TotalConstraint::TotalConstraint(const TotalJointData& data, const Numbering& nu
       R2hr_(data.R2hr),
       position_drive_(data.position_drive),
       rotation_drive_(data.rotation_drive),
-      driven_(true) {
+      driven_(true),
+      reads_state_(data.position_drive.reads_state() || data.rotation_drive.reads_state()) {
   first_ = numbering.first;
   add_rows(data.position, data.rotation);
 }
@@ -90,7 +118,8 @@ TotalConstraint::TotalConstraint(const TotalPinData& data, const Numbering& numb
       R2hr_(data.Rnhr),
       position_drive_(data.position_drive),
       rotation_drive_(data.rotation_drive),
-      driven_(true) {
+      driven_(true),
+      reads_state_(data.position_drive.reads_state() || data.rotation_drive.reads_state()) {
   first_ = numbering.first;
   add_rows(data.position, data.rotation);
 }
@@ -174,6 +203,7 @@ void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) 
       add_row(rows, row, x2, e);
       add_row(rows, row, g2, m2);
       if (velocity) add_rate_row(eq.g_y, row, e, at);
+      if (reads_state_) add_component_derivative(eq, row, position_drive_, state.t, i, -1.0);
       add_column(eq.g_y, F1, row, -e);
       add_column(eq.g_y, M1, row, -m1);
       add_column(eq.g_y, F2, row, e);
@@ -187,10 +217,18 @@ void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) 
         add_row(eq.g_ydot, row, g1, -e);
         add_row(eq.g_ydot, row, g2, e);
         add_row(eq.g_y, row, g1, e.cross(w21));
+        if (reads_state_) add_component_derivative(eq, row, rotation_drive_, state.t, i, -1.0);
       } else {
         const Vec3 gradient = theta_rows.row(i);
         add_row(eq.g_y, row, g1, -gradient);
         add_row(eq.g_y, row, g2, gradient);
+        if (reads_state_) {  // theta by the imposed rotation vector
+          const Mat3 by_drive = -(rel.gamma_inverse * (rel.E * rotation_gamma(rel.Theta)));
+          for (int j = 0; j < 3; ++j) {
+            if (!rotation_active_[static_cast<std::size_t>(j)]) continue;
+            add_component_derivative(eq, row, rotation_drive_, state.t, j, by_drive(i, j));
+          }
+        }
       }
       add_column(eq.g_y, M1, row, -e);
       add_column(eq.g_y, M2, row, e);
@@ -266,6 +304,26 @@ void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tange
       }
     }
   }
+}
+
+SignalValue TotalConstraint::signal(int k, const State& state) const {
+  SignalValue out;
+  const int component = k % 3;
+  if (k >= 6) {
+    for (const auto& term : position_drive_.terms) {
+      const Jet jet = term.drive->at(state.t);
+      out.value += term.direction(component) * jet.value;
+      out.rate += term.direction(component) * jet.rate;
+    }
+    return out;
+  }
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (rows_[i].component != component || rows_[i].rotation != (k >= 3)) continue;
+    const int row = first_ + static_cast<int>(i);
+    out.value = state.y(row);
+    out.gradient.push_back({row, 1.0, 0.0});
+  }
+  return out;
 }
 
 std::vector<DriveInput> TotalConstraint::drive_inputs(const State& state) const {

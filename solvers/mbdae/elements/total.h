@@ -1,6 +1,7 @@
-// Clamp, in line, total and total pin joints: components of a relative position and of a relative rotation, imposed.
+// Clamp, in line, in plane, total and total pin joints: components of a relative position and of a relative rotation,
+// imposed.
 //
-// All four are one constraint between node 1 (or the ground) and node 2, seen from frames fixed in node 1:
+// All five are one constraint between node 1 (or the ground) and node 2, seen from frames fixed in node 1:
 //
 //   R = R1 R1h,  Rr = R1 R1hr,  b2 = R2 f2,  b1 = x2 + b2 - x1
 //   F = sum R_i F~_i,  M = sum Rr_i M~_i          over the active components, reactions in node 1's frames
@@ -11,9 +12,9 @@
 //
 // Reactions [N, N m] act on node 1 with a plus sign, on node 2 with a minus sign, as in MBDyn. With one or two
 // rotations active, the imposed rotation vector's free components follow the motion (set_reference). Valid for theta <
-// pi. The tangent is exact in any state, where MBDyn's in line joint (under load), total pin (offset and load) and
-// rotation rows (theta not 0) are not: docs/theory/elements.md, docs/conventions.md; tests "clamp, also when turned
-// away from its place", "in line", "total joint, every kind of component" (test_model_tangent.cpp), signs in
+// pi. The tangent is exact in any state, where MBDyn's in line and in plane joints (under load), total pin (offset and
+// load) and rotation rows (theta not 0) are not: docs/theory/elements.md, docs/conventions.md; tests "clamp, also when
+// turned away from its place", "in line", "total joint, every kind of component" (test_model_tangent.cpp), signs in
 // test_model_signs.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
@@ -47,6 +48,14 @@ struct InLineData {
   Vec3 q;  ///< offset in node 2
 };
 
+/// A point of node 2 stays in the plane through p with normal n, both in node 1.
+struct InPlaneData {
+  NodeIndex node1, node2;
+  Vec3 p;
+  Vec3 n;  ///< a unit vector
+  Vec3 q;  ///< offset in node 2
+};
+
 enum class TotalComponent { inactive, position, velocity };  // "position" = rotation for the orientation group
 
 struct TotalJointData {
@@ -55,6 +64,8 @@ struct TotalJointData {
   Mat3 R1h, R1hr, R2h, R2hr;  ///< position and rotation orientations in node 1, 2
   std::array<TotalComponent, 3> position{}, rotation{};
   VectorDrive<3> position_drive, rotation_drive;  ///< imposed relative position [m], rotation vector [rad] (or rates)
+
+  static constexpr const char* kSignals[] = {"Fx", "Fy", "Fz", "Mx", "My", "Mz", "dx", "dy", "dz"};
 };
 
 struct TotalPinData {
@@ -65,12 +76,15 @@ struct TotalPinData {
   Mat3 Rch, Rchr;  ///< global
   std::array<TotalComponent, 3> position{}, rotation{};
   VectorDrive<3> position_drive, rotation_drive;
+
+  static constexpr const char* kSignals[] = {"Fx", "Fy", "Fz", "Mx", "My", "Mz", "dx", "dy", "dz"};
 };
 
 class TotalConstraint final : public Constraint {
  public:
   TotalConstraint(const ClampData& data, const Numbering& numbering);
   TotalConstraint(const InLineData& data, const Numbering& numbering);
+  TotalConstraint(const InPlaneData& data, const Numbering& numbering);
   TotalConstraint(const TotalJointData& data, const Numbering& numbering);
   TotalConstraint(const TotalPinData& data, const Numbering& numbering);
 
@@ -81,6 +95,7 @@ class TotalConstraint final : public Constraint {
   void set_reference(const State& state) override;
   std::vector<DriveInput> drive_inputs(const State& state) const override;
   std::string no_variable_step() const override;
+  SignalValue signal(int k, const State& state) const override;
 
  private:
   /// An imposed component: what constraint row k follows.
@@ -109,7 +124,8 @@ class TotalConstraint final : public Constraint {
   Vec3 origin_ = Vec3::Zero();  ///< components of R^T b1 at zero drive
   Mat3 R1h_, R1hr_, R2hr_;
   VectorDrive<3> position_drive_, rotation_drive_;
-  bool driven_ = false;  ///< has drives: not a clamp or an in line joint
+  bool driven_ = false;       ///< has drives: not a clamp or an in line joint
+  bool reads_state_ = false;  ///< some of them read the state
   std::vector<Row> rows_;
   int active_rotations_ = 0;
   std::array<bool, 3> rotation_active_{};  ///< imposed at position level
@@ -120,6 +136,7 @@ namespace reading {
 
 ClampData read_clamp(Context& context);
 InLineData read_in_line(Context& context);
+InPlaneData read_in_plane(Context& context);
 TotalJointData read_total_joint(Context& context);
 TotalPinData read_total_pin(Context& context);
 

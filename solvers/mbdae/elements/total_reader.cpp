@@ -33,6 +33,19 @@ InLineData read_in_line(Context& context) {
   return joint;
 }
 
+InPlaneData read_in_plane(Context& context) {
+  Input& input = context.input;
+  End first = read_end(context);
+  read_offset(context, first.place(), Presence::optional, &first.position);
+  const SourcePosition where = input.where();
+  const Vec3 normal = read_direction(context, first.place());
+  if (!(normal.norm() > 0.0)) input.fail(where, "the normal of the plane is zero");
+  const End second = read_end(context);
+  InPlaneData joint{first.node, second.node, first.position, normal.normalized(), Vec3::Zero()};
+  read_offset(context, second.after(first), Presence::optional, &joint.q, "offset");
+  return joint;
+}
+
 namespace {
 
 /// s1, s2, s3: which components are constrained, and how.
@@ -63,6 +76,7 @@ std::array<TotalComponent, 3> read_components(Input& input, bool rotation) {
 /// [position constraint, ...] [orientation constraint, ...]
 template <class Joint>
 void read_total_constraints(Context& context, Joint* joint) {
+  const AllowStateDrives allow(context);
   Input& input = context.input;
   if (input.more() && input.take("position constraint")) {
     joint->position = read_components(input, false);

@@ -31,8 +31,8 @@ struct NodeMotion {
 struct State {
   double t = 0.0;                 ///< [s]
   std::vector<NodeMotion> nodes;  ///< deck order
-  Eigen::VectorXd y;              ///< momenta and reactions are read from here; pose entries are not read
-  Eigen::VectorXd ydot;           ///< momenta rates are read from here; nothing else is
+  Eigen::VectorXd y;              ///< momenta, scalars and reactions are read from here; pose entries are not read
+  Eigen::VectorXd ydot;           ///< rates of momenta and scalars are read from here; nothing else is
 };
 
 /// Residual and tangents of the whole model, in the order of the unknowns.
@@ -64,10 +64,19 @@ struct NodeSlot {
   bool dynamic = false;  ///< has momenta: 12 unknowns instead of 6
 };
 
-/// What an element is made with: where its nodes stand, and the number of its own first unknown.
+/// A scalar: the unknown of an abstract node, or one that an element owns beside its reactions. Its equation has the
+/// same number.
+struct ScalarSlot {
+  int first = -1;
+  bool differential = true;  ///< has a rate; otherwise only its value counts
+};
+
+/// What an element is made with: where its nodes stand, and the numbers of its own first unknowns.
 struct Numbering {
-  std::span<const NodeSlot> nodes;  ///< deck order
-  int first = 0;
+  std::span<const NodeSlot> nodes;             ///< deck order
+  int first = 0;                               ///< first reaction
+  int scalar = -1;                             ///< first scalar of its own
+  std::span<const ScalarSlot> abstract_nodes;  ///< deck order
 
   const NodeSlot& slot(NodeIndex node) const { return nodes[node]; }
 };
@@ -82,12 +91,39 @@ struct DriveInput {
   Eigen::VectorXd column;  ///< derivative of the equations from there on
 };
 
+/// A scalar that an element owns: how it is called after the element.
+struct ScalarInfo {
+  std::string name;      ///< ".state[1]"
+  std::string unit;      ///< of the scalar
+  std::string equation;  ///< what its equation says, for messages
+  bool differential = true;
+};
+
 class Element {
  public:
   virtual ~Element() = default;
 
   /// Adds to eq.g and, if asked, to eq.g_y and eq.g_ydot.
   virtual void assemble(const State& state, Equations& eq, bool tangent) const = 0;
+
+  /// The same in the form that accelerations and the variable-step integration start from: unknowns that only rewrite a
+  /// constraint stand in equations of their own, and every constraint row depends on the nodes. By default no other.
+  virtual void assemble_reduced(const State& state, Equations& eq, bool tangent) const { assemble(state, eq, tangent); }
+
+  /// The scalars that it owns, in their order.
+  virtual std::vector<ScalarInfo> scalars() const { return {}; }
+
+  /// Initial values of its scalars, and rates where the deck has them.
+  virtual void initialise(State& /*state*/) const {}
+
+  /// Called once a state has been accepted: for elements that remember.
+  virtual void accept(const State& /*state*/) {}
+
+  /// Quantity k of those that drives may read of it (its row's `signals`).
+  virtual SignalValue signal(int /*k*/, const State& /*state*/) const { return {}; }
+
+  /// True if its reactions stand before its scalars in files.
+  virtual bool reactions_first() const { return false; }
 
   /// Elements of a lower rank are assembled first; rods come before other loads.
   virtual int rank() const { return 1; }
@@ -100,6 +136,15 @@ class Element {
 
   /// Why the element cannot start from this state, as the rest of a sentence about it; empty if it can.
   virtual std::string defect(const State& /*state*/) const { return {}; }
+
+  /// The same once reactions are known: why the equations have no solution there.
+  virtual std::string defect_under_load(const State& /*state*/) const { return {}; }
+
+  /// For elements with modes (stuck, sliding): takes the mode that the state asks for; true if it was another one.
+  virtual bool switch_mode(const State& /*state*/) { return false; }
+
+  /// A number that changes its sign where the mode ends.
+  virtual double mode_margin(const State& /*state*/) const { return 1.0; }
 
   /// Why no variable-step integration on the stabilised constraints is possible, as such a rest; empty if it is.
   virtual std::string no_variable_step() const { return {}; }
@@ -132,6 +177,12 @@ class Constraint : public Element {
   /// True if constraint k is a rotation or an axis condition: its reaction is a couple [N m].
   virtual bool is_couple(int k) const = 0;
 
+  /// True if row k is no constraint on the motion but an equation between the element's own unknowns.
+  virtual bool plain_equation(int /*k*/) const { return false; }
+
+  /// Unit of reaction k.
+  virtual std::string reaction_unit(int k) const { return is_couple(k) ? "N m" : "N"; }
+
   /// Takes the present configuration as the one that free rotation components are counted from.
   virtual void set_reference(const State& /*state*/) {}
 
@@ -142,6 +193,30 @@ class Constraint : public Element {
   int first_ = 0;  ///< first reaction column and constraint row
   int size_ = 0;
 };
+
+/// Adds to row `row` the derivatives of `coefficient` times a drive's value, by what it reads of the state.
+inline void add_drive_derivative(Equations& eq, int row, const Drive& drive, double t, double coefficient) {
+  if (row < 0 || !drive.reads_state()) return;
+  std::vector<Sensitivity> by;
+  drive.add_sensitivity(t, coefficient, by);
+  for (const Sensitivity& one : by) {
+    for (const SignalValue::Entry& entry : one.signal->now.gradient) {
+      eq.g_y(row, entry.column) += one.derivative * entry.by_y;
+      eq.g_ydot(row, entry.column) += one.derivative * entry.by_ydot;
+    }
+  }
+}
+
+/// The same for rows `row` on: derivatives of M times a vector drive's value.
+template <class Matrix>
+void add_drive_derivative(Equations& eq, int row, const VectorDrive<3>& drive, double t, const Matrix& M) {
+  if (row < 0) return;
+  for (const auto& term : drive.terms) {
+    if (!term.drive->reads_state()) continue;
+    const Vec3 column = M * term.direction;
+    for (int i = 0; i < 3; ++i) add_drive_derivative(eq, row + i, *term.drive, t, column(i));
+  }
+}
 
 /// Motion of a slot's node; the ground does not move.
 inline const NodeMotion& motion_of(const State& state, const NodeSlot& slot) {

@@ -17,7 +17,8 @@ Model::Model(const Deck& deck) : deck_(deck) {
     size_ += slot.dynamic ? 12 : 6;
     slots_.push_back(slot);
   }
-  reaction_start_ = size_;
+  std::vector<int> scalar_of_joint, scalar_of_genel;
+  number_scalars(scalar_of_joint, scalar_of_genel);
 
   std::vector<std::vector<const BodyData*>> bodies(deck.nodes.size());
   for (const BodyData& body : deck.bodies) {
@@ -33,10 +34,21 @@ Model::Model(const Deck& deck) : deck_(deck) {
     inertias_.emplace_back(slots_[i], bodies[i], deck.gravity ? &*deck.gravity : nullptr);
   }
 
-  for (const std::vector<ElementData>* list : {&deck.joints, &deck.forces}) {
-    for (const ElementData& data : *list) {
-      std::unique_ptr<Element> element = data.type->make(data.data, {slots_, size_});
+  for (const std::vector<ElementData>* list : {&deck.joints, &deck.genels, &deck.forces}) {
+    for (std::size_t i = 0; i < list->size(); ++i) {
+      const ElementData& data = (*list)[i];
+      Numbering numbering{slots_, size_, -1, abstract_slots_};
+      if (list == &deck.joints) numbering.scalar = scalar_of_joint[i];
+      if (list == &deck.genels) numbering.scalar = scalar_of_genel[i];
+      std::unique_ptr<Element> element = data.type->make(data.data, numbering);
+      if (list == &deck.joints) joints_.push_back(element.get());
       if (const Muscle* muscle = element->muscle()) muscles_.push_back({&data, muscle});
+      if (numbering.scalar >= 0) {
+        int k = numbering.scalar - scalar_start_;
+        for (ScalarInfo& info : element->scalars()) {
+          scalars_[static_cast<std::size_t>(k++)] = {&data.id, std::move(info)};
+        }
+      }
       if (auto* constraint = dynamic_cast<Constraint*>(element.get())) {
         element.release();
         size_ += constraint->size();
@@ -46,6 +58,7 @@ Model::Model(const Deck& deck) : deck_(deck) {
       }
     }
   }
+  if (scalar_count() > 0) order_for_files();
   std::stable_sort(loads_.begin(), loads_.end(), [](const LoadEntry& one, const LoadEntry& other) {
     return one.element->rank() < other.element->rank();
   });
@@ -62,7 +75,13 @@ State Model::initial_state() const {
     if (deck_.control.static_model) motion.v = motion.w = Vec3::Zero();
     state.nodes.push_back(motion);
   }
+  for (std::size_t i = 0; i < abstract_slots_.size(); ++i) {
+    state.y(abstract_slots_[i].first) = deck_.abstract_nodes[i].value;
+    state.ydot(abstract_slots_[i].first) = deck_.abstract_nodes[i].rate;
+  }
+  if (scalar_count() > 0) for_elements([&](const ElementData&, const Element& element) { element.initialise(state); });
   set_momenta(state);
+  refresh_signals(state);
   return state;
 }
 
@@ -74,6 +93,16 @@ void Model::set_momenta(State& state) const {
 
 void Model::set_reference(const State& state) {
   for (ConstraintEntry& entry : constraints_) entry.constraint->set_reference(state);
+}
+
+void Model::accept(const State& state) {
+  for (ConstraintEntry& entry : constraints_) entry.constraint->accept(state);
+}
+
+bool Model::switch_modes(const State& state) {
+  bool switched = false;
+  for (ConstraintEntry& entry : constraints_) switched |= entry.constraint->switch_mode(state);
+  return switched;
 }
 
 void Model::assemble(const State& state, Equations& eq, bool tangent) const {
@@ -90,15 +119,23 @@ void Model::assemble_statics(const State& state, Equations& eq, bool tangent) co
 }
 
 void Model::add_loads(const State& state, Equations& eq, bool tangent) const {
+  refresh_signals(state);
   for (const NodeInertia& inertia : inertias_) inertia.assemble_gravity(state, eq, tangent);
   for (const LoadEntry& entry : loads_) entry.element->assemble(state, eq, tangent);
 }
 
 void Model::add_constraints(const State& state, Equations& eq, bool tangent) const {
+  refresh_signals(state);
   for (const ConstraintEntry& entry : constraints_) entry.constraint->assemble(state, eq, tangent);
 }
 
+void Model::add_reduced_constraints(const State& state, Equations& eq, bool tangent) const {
+  refresh_signals(state);
+  for (const ConstraintEntry& entry : constraints_) entry.constraint->assemble_reduced(state, eq, tangent);
+}
+
 void Model::rates(const State& state, ConstraintRates& out, bool tangent) const {
+  refresh_signals(state);
   out.rate.setZero(size_);
   out.bias.setZero(size_);
   if (tangent) out.rate_q.setZero(size_, size_);

@@ -26,6 +26,12 @@ struct LoadEntry {
   std::unique_ptr<Element> element;
 };
 
+/// A scalar unknown: of an abstract node, or of an element.
+struct ScalarEntry {
+  const Identity* owner = nullptr;
+  ScalarInfo info;
+};
+
 struct MuscleEntry {
   const ElementData* data = nullptr;
   const Muscle* muscle = nullptr;
@@ -44,11 +50,25 @@ class Model {
   int size() const { return size_; }                      ///< number of unknowns
   int reaction_start() const { return reaction_start_; }  ///< first reaction
   int reaction_count() const { return size_ - reaction_start_; }
+  int scalar_start() const { return scalar_start_; }  ///< first scalar: they stand between nodes and reactions
+  int scalar_count() const { return reaction_start_ - scalar_start_; }
+  const std::vector<ScalarEntry>& scalars() const { return scalars_; }  ///< in their order
   const std::vector<NodeSlot>& slots() const { return slots_; }
   const std::vector<ConstraintEntry>& constraints() const { return constraints_; }
   const std::vector<LoadEntry>& loads() const { return loads_; }        ///< in the order of assembly
   const std::vector<MuscleEntry>& muscles() const { return muscles_; }  ///< deck order
   const std::vector<NodeInertia>& inertias() const { return inertias_; }
+
+  /// The unknowns in the order of files: what stands at place k there. Inside, scalars stand before all reactions; in
+  /// files abstract nodes follow the structural ones, and each element has its own unknowns together, as in MBDyn.
+  /// Empty if there is no difference.
+  const std::vector<int>& file_order() const { return file_order_; }
+
+  /// True if unknown k has no rate: reactions and algebraic scalars.
+  bool algebraic(int k) const {
+    return k >= reaction_start_ ||
+           (k >= scalar_start_ && !scalars_[static_cast<std::size_t>(k - scalar_start_)].info.differential);
+  }
 
   /// Deck poses and velocities (zero velocities under `model: static`), momenta of the bodies, no reactions.
   State initial_state() const;
@@ -58,6 +78,19 @@ class Model {
 
   /// Counts free rotation components of total joints from this configuration.
   void set_reference(const State& state);
+
+  /// The state has been accepted: whole turns are counted from it.
+  void accept(const State& state);
+
+  /// Elements with modes (stuck, sliding) take those that the state asks for; true if one of them was another.
+  bool switch_modes(const State& state);
+
+  /// All elements: constraints, then loads.
+  template <class Visit>
+  void for_elements(const Visit& visit) const {
+    for (const ConstraintEntry& entry : constraints_) visit(*entry.data, *entry.constraint);
+    for (const LoadEntry& entry : loads_) visit(*entry.data, *entry.element);
+  }
 
   /// Residual and tangents with respect to (dx, dphi, dbeta, dgamma, reactions) and (dv, dw, betadot, gammadot).
   void assemble(const State& state, Equations& eq, bool tangent) const;
@@ -70,6 +103,9 @@ class Model {
 
   /// Adds the joints with reactions: constraint rows and reaction forces.
   void add_constraints(const State& state, Equations& eq, bool tangent) const;
+
+  /// The same in the form for accelerations and variable steps (Element::assemble_reduced).
+  void add_reduced_constraints(const State& state, Equations& eq, bool tangent) const;
 
   /// Velocity and acceleration terms of all constraints (vectors and matrix of full size).
   void rates(const State& state, ConstraintRates& out, bool tangent) const;
@@ -91,16 +127,24 @@ class Model {
   struct Place {
     int node = -1, component = 0;  // component within the node's or joint's block
     int constraint = -1;
+    int scalar = -1;
   };
   Place place(int k) const;
+  void number_scalars(std::vector<int>& scalar_of_joint, std::vector<int>& scalar_of_genel);
+  void order_for_files();
+  void refresh_signals(const State& state) const;
 
   const Deck& deck_;
-  int size_ = 0, reaction_start_ = 0;
+  int size_ = 0, scalar_start_ = 0, reaction_start_ = 0;
   std::vector<NodeSlot> slots_;
   std::vector<NodeInertia> inertias_;  // one per node
   std::vector<ConstraintEntry> constraints_;
   std::vector<LoadEntry> loads_;
   std::vector<MuscleEntry> muscles_;
+  std::vector<ScalarSlot> abstract_slots_;
+  std::vector<ScalarEntry> scalars_;
+  std::vector<const Element*> joints_;  // by their number in the deck
+  std::vector<int> file_order_;
 };
 
 }  // namespace mbdae
