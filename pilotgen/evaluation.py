@@ -237,7 +237,10 @@ def study_of(context: EvaluationContext, values: Mapping[str, Any]) -> tuple[Stu
 def write_result(context: EvaluationContext, outcome: Evaluation | FailedEvaluation, directory: Path) -> dict[str, Any]:
     """Write result.json to a directory that may hold the pilot's deck; returns its content. FileError if that fails."""
     deck = directory / PILOT_DECK
-    solver = context.client.version() if context.mbdae is not None else "none"
+    try:
+        solver = context.client.version() if context.mbdae is not None else "none"
+    except SolverError:  # it died with the pilot, whose result says so
+        solver = "unknown: it did not answer"
     content = result_file(
         context.study, outcome.result, solver, deck.read_text(encoding="utf-8") if deck.is_file() else None
     )
