@@ -388,7 +388,7 @@ def test_result_of_a_body_says_what_to_mind(run: Run, tmp_path: Path) -> None:
     assert run("pilot", QUICK, "-o", tmp_path / "rigid", "--no-figures", "--set", "pilot.torso.model=rigid")[0] == 0
     result = json.loads((tmp_path / "rigid" / "result.json").read_text())
     assert [sentence for sentence in result["caveats"] if "some 7 dB larger" in sentence]
-    deck = (tmp_path / "out" / "pilot.mbd").read_bytes()
+    deck = (tmp_path / "rigid" / "pilot.mbd").read_bytes()
     assert result["provenance"]["deck_sha256"] == hashlib.sha256(deck).hexdigest()
     assert result["provenance"]["solver_version"].startswith("mbdae ")
 
