@@ -20,7 +20,7 @@ from pilotgen.solver.mbdyn_files import RawEigenanalysis, to_textbook
 
 CASES = Path(__file__).parent / "data" / "mbdyn_cases"
 # Names of the golden arm's unknowns: MBDyn's files know labels only (1 = seat, 2 = lever).
-ARM_CHANNELS = Channels(imposed="node 1.y", outputs={COLLECTIVE: {"node 2.gz": 1.0}})
+ARM_CHANNELS = Channels(seat="node 1", outputs={COLLECTIVE: {"node 2.gz": 1.0}})
 ARM_LEVER_LENGTH_M = 0.32
 
 Floats = NDArray[np.float64]

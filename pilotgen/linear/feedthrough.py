@@ -1,28 +1,35 @@
-"""Biodynamic feedthrough (BDFT): what the seat's heave does to the controls through the pilot's body.
+"""Biodynamic feedthrough (BDFT): what motions of the seat do to the controls through the pilot's body.
 
-    H_BDFT(s) = phi / zddot = sum_k  C_k (lam_k B1_k + B2_k) / (lam_k^2 (s - lam_k))
+    H_BDFT(s) = phi / zddot = sum_k  C_k (lam_k B1_k + B2_k) / (lam_k^2 (s - lam_k))  [ + F(0)/s^2 + F'(0)/s ]
 
 is exact: the paper's projection drops the direct term of the imposed motion, this form does not
-(docs/theory/projection.md). Every model carries the descriptor model it came from, so that `certificate` can measure it
-against the full-order response. Signs: positive collective rotation is lever up, more collective; positive heave is up.
+(docs/theory/projection.md). The terms in brackets belong to rotations of the seat, which tilt gravity. Every model
+carries the descriptor model it came from, so that `certificate` can measure it against the full-order response. Signs:
+positive collective rotation is lever up, more collective; positive heave is up.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pilotgen.errors import EvaluationError, MatrixError
+from pilotgen.errors import EvaluationError, MatrixError, StudyError
 from pilotgen.linear.imposed_motion import (
     COLLECTIVE,
+    ROTATIONS,
+    SEAT_MOTIONS,
     Channels,
     ImposedMotion,
     full_order_response,
+    rotation_error,
     split,
+    static_terms,
     translation_error,
 )
 from pilotgen.linear.modal import ModalModel, modes
@@ -36,6 +43,8 @@ PROJECTIONS = ("exact", "literal")
 # Largest relative violation of the invariance to vertical translation that is still round-off. Matrices of both solvers
 # are below 1e-12; a spring to the ground of 1e-6 of the stiffest muscle is far above.
 TRANSLATION_LIMIT = 1e-9
+# The same of rotations; two large numbers, weight and its reaction, cancel in it.
+ROTATION_LIMIT = 1e-9
 CERTIFICATE_BAND_HZ = (0.1, 20.0)
 _FEWEST_CERTIFICATE_POINTS = 4  # however few poles the pilot has
 
@@ -74,17 +83,20 @@ def make_pilot_model(
     Choice(PROJECTIONS).check(f"projection = {projection!r}", projection)
     check_positive("lever_length_m", lever_length_m, "m")
     names = channels or Channels()
-    model = descriptor(matrices) if isinstance(matrices, Matrices) else matrices
-    plant = split(model, names)
-    violation = translation_error(plant, names.imposed.rpartition(".")[2])
-    if not violation < TRANSLATION_LIMIT:
-        raise EvaluationError(
-            _STAGE,
-            f"the model changes when cockpit and pilot translate together (relative violation {violation:.2g}, limit "
-            f"{TRANSLATION_LIMIT:.0e}): something besides the seat is held by the ground",
-        )
+    rotates = any(name in ROTATIONS for name in names.inputs)
+    if (projection == "literal" and len(names.inputs) > 1) or (rotates and projection == "literal"):
+        raise StudyError("projection = 'literal' is eq. (31) of the paper, which knows one translation of the seat")
+    model, positions = matrices, None
+    if isinstance(matrices, Matrices):
+        model = descriptor(matrices)
+        if rotates:
+            nodes = matrices.nodes
+            positions = {bytes(name).decode(): x for name, x in zip(nodes.name, nodes.position, strict=True)}
+    assert isinstance(model, DescriptorModel)
+    imposed = split(model, names, positions)
+    violation = _invariance(imposed, model, names, positions)
     try:
-        modal = modes(plant.free, plant.form)
+        modal = modes(imposed.free, imposed.form)
     except MatrixError as error:
         raise EvaluationError(_STAGE, str(error)) from error
     if modal.n_zero:
@@ -93,53 +105,100 @@ def make_pilot_model(
             f"the pilot has {modal.n_zero} eigenvalues at zero: some part moves freely and has no feedthrough; "
             "every joint needs muscles, a spring or a hand that holds it",
         )
-    A, B, C, D, parts = _literal(plant, modal) if projection == "literal" else _exact(plant, modal)
+    A, B, C, D, parts = _literal(imposed, modal) if projection == "literal" else _exact(imposed, modal)
     return PilotModel(
         projection=projection,
         A=A,
         B=B,
         C=C,
         D=D,
-        outputs=plant.outputs,
+        inputs=tuple(f"seat_{name}_acceleration" for name in imposed.inputs),
+        outputs=imposed.outputs,
         lever_length_m=lever_length_m,
         integrators=2 if projection == "literal" else 0,
         washout_rad_s=washout_rad_s,
         translation_error=violation,
-        plant=plant,
+        tilt=_tilt(imposed) if rotates else None,
+        imposed=imposed,
         _modal=parts,
     )
+
+
+def _invariance(
+    imposed: ImposedMotion, model: DescriptorModel, channels: Channels, positions: Mapping[str, Floats] | None
+) -> float:
+    """The largest violation of what the exact formula rests on; EvaluationError where it is more than round-off."""
+    worst = 0.0
+    fall: ImposedMotion | None = None
+    for j, name in enumerate(imposed.inputs):
+        if SEAT_MOTIONS[name].rotation:
+            if fall is None:
+                fall = split(model, dataclasses.replace(channels, inputs=("surge", "sway")), positions)
+            violation, _ = rotation_error(imposed, j, fall)
+            limit, motion = ROTATION_LIMIT, f"turn together ({name})"
+        else:
+            violation = translation_error(imposed, j)
+            limit, motion = TRANSLATION_LIMIT, "translate together"
+        if not violation < limit:
+            raise EvaluationError(
+                _STAGE,
+                f"the model changes when cockpit and pilot {motion} (relative violation {violation:.2g}, limit "
+                f"{limit:.0e}): something besides the seat is held by the ground",
+            )
+        worst = max(worst, violation)
+    return worst
+
+
+def _tilt(imposed: ImposedMotion) -> Floats:
+    """F(0) and F'(0) of rotations; those of translations are round-off of zero."""
+    terms = static_terms(imposed)
+    for j, name in enumerate(imposed.inputs):
+        if not SEAT_MOTIONS[name].rotation:
+            terms[:, j] = 0.0
+    return terms
 
 
 _Realisation = tuple[Floats, Floats, Floats, Floats, tuple[Complexes, Complexes] | None]
 
 
-def _exact(plant: ImposedMotion, modal: ModalModel) -> _Realisation:
+def _exact(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
     """sum_k C_k (lam_k B1_k + B2_k) / (lam_k^2 (s - lam_k)), in the modes or in a real basis of them."""
-    B1, B2 = -modal.V_L @ plant.g_ydot_imposed, -modal.V_L @ plant.g_y_imposed
-    C = plant.output_matrix @ modal.V_R
+    B1, B2 = -modal.V_L @ imposed.g_ydot_imposed, -modal.V_L @ imposed.g_y_imposed
+    C = imposed.output_matrix @ modal.V_R
+    D = np.zeros((len(C), len(imposed.inputs)))
     if not modal.diagonal:
         A = modal.A.real
         B: Numbers = np.linalg.solve(A, B1.real + np.linalg.solve(A, B2.real))
-        return A, B, C.real, np.zeros(len(C)), None
-    residues = C * ((modal.lam * B1 + B2) / modal.lam**2)
-    return (*real_blocks(modal.lam, residues), np.zeros(len(C)), (modal.lam, residues))
+        return A, B, C.real, D, None
+    lam = modal.lam[:, None]
+    return _from_modes(modal.lam, C, (lam * B1 + B2) / lam**2, D)
 
 
-def _literal(plant: ImposedMotion, modal: ModalModel) -> _Realisation:
+def _literal(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
     """Eq. (31) without its 1/s^2: C (sI - A)^-1 (s B1 + B2) = C B1 + C (sI - A)^-1 (A B1 + B2)."""
-    B1, B2 = -modal.V_L @ plant.g_ydot_imposed, -modal.V_L @ plant.g_y_imposed
-    C = plant.output_matrix @ modal.V_R
+    B1, B2 = -modal.V_L @ imposed.g_ydot_imposed, -modal.V_L @ imposed.g_y_imposed
+    C = imposed.output_matrix @ modal.V_R
     D = (C @ B1).real
     if not modal.diagonal:
         return modal.A.real, (modal.A @ B1 + B2).real, C.real, D, None
-    residues = C * (modal.lam * B1 + B2)
-    return (*real_blocks(modal.lam, residues), D, (modal.lam, residues))
+    return _from_modes(modal.lam, C, modal.lam[:, None] * B1 + B2, D)
+
+
+def _from_modes(lam: Complexes, C: Numbers, B: Numbers, D: Floats) -> _Realisation:
+    """Real blocks and residues C_k B_k; each mode is scaled by the input that drives it most."""
+    largest = np.abs(B).argmax(axis=1)
+    scale = B[np.arange(len(lam)), largest]
+    scale = np.where(scale == 0.0, 1.0, scale)
+    left, right = C * scale, B / scale[:, None]
+    right = right.astype(np.complex128)
+    right[np.arange(len(lam)), largest] = np.where(np.abs(B).any(axis=1), 1.0, 0.0)
+    return (*real_blocks(lam, left, right), D, (lam, left[:, :, None] * right))
 
 
 # ---- the certificate
 
 
-def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, output: int = 0) -> float:
+def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, output: int = 0, input: int = 0) -> float:
     """Return the largest relative difference between the model and the full-order response.
 
     Parameters
@@ -152,13 +211,15 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
         at all of them.
     output : int
         Which of the model's outputs; by default the collective rotation.
+    input : int
+        Which of its inputs.
 
     Raises
     ------
     MatrixError
         If the model carries no descriptor model (Mayo's pilots, models read from a file).
     """
-    if model.plant is None:
+    if model.imposed is None:
         raise MatrixError(f"a pilot model of projection '{model.projection}' carries no matrices to certify it against")
     if frequencies_hz is None:
         low, high = CERTIFICATE_BAND_HZ
@@ -169,9 +230,19 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
     else:
         grid = np.asarray(frequencies_hz, dtype=float).reshape(-1)
     omega = 2.0 * np.pi * grid
-    full = full_order_response(model.plant, omega, output)
-    difference = np.abs(model.response(omega, output, washout=False) - full)
+    full = full_order_response(model.imposed, omega, output, input)
+    difference = np.abs(model.response(omega, output, washout=False, input=input) - full)
     return float(np.max(difference / np.abs(full))) if np.any(full) else float(np.max(difference))
+
+
+def certificates(model: PilotModel, frequencies_hz: ArrayLike | None = None) -> Floats:
+    """Return the certificate of every entry, shape (p, k); as `certificate`."""
+    return np.array(
+        [
+            [certificate(model, frequencies_hz, output, input) for input in range(len(model.inputs))]
+            for output in range(len(model.outputs))
+        ]
+    )
 
 
 @cache
@@ -214,9 +285,9 @@ def mayo_pilot(
     return PilotModel(
         projection="mayo",
         A=np.array([[0.0, w], [-w, -2.0 * xi * w]]),
-        B=np.array([0.0, 1.0]),
+        B=np.array([[0.0], [1.0]]),
         C=-np.array([[1.0 / (tau * w), 1.0]]) / length,
-        D=np.zeros(1),
+        D=np.zeros((1, 1)),
         outputs=(COLLECTIVE,),
         lever_length_m=length,
         integrators=1,

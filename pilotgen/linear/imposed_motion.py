@@ -1,20 +1,22 @@
-"""The free part of a linearised pilot, driven by the seat's imposed motion (paper eq. (23)-(25)).
+"""The free part of a linearised pilot, driven by imposed motions of the seat (paper eq. (23)-(25)).
 
 Unknowns are split by name into free and imposed ones. Signs: positive collective rotation is lever up, more collective;
-positive heave is up.
+heave up, surge forward, sway right; roll right, pitch nose up, yaw nose right. Rotations turn the seat about a point.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pilotgen.errors import EvaluationError, MatrixError
+from pilotgen.errors import EvaluationError, MatrixError, StudyError
 from pilotgen.linear.modal import SecondOrderForm, independent_constraints, second_order_form
 from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Indices, block
 
@@ -26,69 +28,131 @@ _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {
 }
 
 
+PEDALS = "pedals are not modelled: no leg, no foot; the controls are collective and cyclic"
+
+
+@dataclass(frozen=True)
+class SeatMotion:
+    """One motion of the seat: `axis` (3,) in world axes (x forward, y up, z right), a rotation or a translation."""
+
+    axis: tuple[float, float, float]
+    rotation: bool
+
+    @property
+    def unit(self) -> str:
+        """Unit of its acceleration."""
+        return "rad/s^2" if self.rotation else "m/s^2"
+
+
+SEAT_MOTIONS: Mapping[str, SeatMotion] = {
+    "heave": SeatMotion((0.0, 1.0, 0.0), False),
+    "surge": SeatMotion((1.0, 0.0, 0.0), False),
+    "sway": SeatMotion((0.0, 0.0, 1.0), False),
+    "roll": SeatMotion((1.0, 0.0, 0.0), True),
+    "pitch": SeatMotion((0.0, 0.0, 1.0), True),
+    "yaw": SeatMotion((0.0, -1.0, 0.0), True),
+}
+ROTATIONS = tuple(name for name, motion in SEAT_MOTIONS.items() if motion.rotation)
+
+
 @dataclass(frozen=True)
 class Channels:
-    """Which unknown is imposed and which are watched.
+    """Which motions are imposed and which unknowns are watched.
 
     Attributes
     ----------
-    imposed : str
-        Unknown that follows the test input: a translation of the seat's node, positive up.
+    seat : str
+        Node that follows the imposed motions.
+    inputs : tuple of str
+        Names of `SEAT_MOTIONS`, in the order of the model's inputs.
+    point_m : tuple of float
+        Point about which the seat rotates, from the seat's node in world axes [m]; translations are those of the seat.
     outputs : mapping of str to mapping of str to float
-        Each output as a sum of weighted unknowns [rad]; the collective rotation must come first. Outputs whose unknowns
-        are not in the model are left out, except the collective.
+        Each output as a sum of weighted unknowns, relative to the seat's rigid motion; the collective rotation must
+        come first. Outputs whose unknowns are not in the model are left out, except the collective.
     """
 
-    imposed: str = "seat.y"
+    seat: str = "seat"
+    inputs: tuple[str, ...] = ("heave",)
+    point_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     outputs: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: _DEFAULT_OUTPUTS)
+
+    def __post_init__(self) -> None:
+        for name in self.inputs:
+            if name not in SEAT_MOTIONS:
+                why = f"; {PEDALS}" if "pedal" in name else ""
+                raise StudyError(f"seat motion '{name}' is not known; known: {', '.join(SEAT_MOTIONS)}{why}")
+        if not self.inputs or len(set(self.inputs)) != len(self.inputs):
+            raise StudyError(f"seat motions must be named once each; got {', '.join(self.inputs) or 'none'}")
+        for name in self.outputs:
+            if "pedal" in name:
+                raise StudyError(f"output '{name}': {PEDALS}")
 
 
 @dataclass(frozen=True, eq=False)
 class ImposedMotion:
-    """The free part of a descriptor model, driven by the imposed seat motion z (paper eq. (23)-(25)).
+    """The free part of a descriptor model, driven by k imposed seat motions z (paper eq. (23)-(25)).
 
     Attributes
     ----------
     free : DescriptorModel
         g_y^FF and g_ydot^FF.
-    g_y_imposed, g_ydot_imposed : ndarray, shape (n_F,)
-        Columns g_y^FI and g_ydot^FI of the imposed translation.
+    g_y_imposed, g_ydot_imposed : ndarray, shape (n_F, k)
+        Columns g_y^FI and g_ydot^FI of the imposed motions.
     output_matrix : ndarray, shape (p, n_F)
         C~: the outputs by the free unknowns.
-    outputs : tuple of str
+    output_imposed : ndarray, shape (p, k)
+        What the seat's own rigid motion takes off the outputs.
+    inputs, outputs : tuple of str
         Their names.
     form : SecondOrderForm
         The free part without momenta.
-    M_imposed, C_imposed, K_imposed : ndarray, shape (n_q,)
-        How zddot, zdot and z enter the equilibrium equations once momenta are eliminated.
+    M_imposed, C_imposed, K_imposed : ndarray, shape (n_q, k)
+        How z'', z' and z enter the equilibrium equations once momenta are eliminated.
+    rigid : ndarray, shape (n_q, k)
+        The free coordinates when everything moves with the seat; NaN where positions of nodes would be needed and are
+        not known.
     """
 
     free: DescriptorModel
     g_y_imposed: Floats
     g_ydot_imposed: Floats
     output_matrix: Floats
+    output_imposed: Floats
+    inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     form: SecondOrderForm
     M_imposed: Floats
     C_imposed: Floats
     K_imposed: Floats
+    rigid: Floats
 
 
-def split(model: DescriptorModel, channels: Channels | None = None) -> ImposedMotion:
+def split(
+    model: DescriptorModel, channels: Channels | None = None, positions: Mapping[str, Floats] | None = None
+) -> ImposedMotion:
     """Split the unknowns into free and imposed ones.
 
     The seat's node goes out whole with its equations, and so do the reactions and equations of the joint that holds it:
-    those that touch the seat alone. What stays of the seat is the column of the imposed translation.
+    those that touch the seat alone. What stays of the seat are the columns of the imposed motions.
+
+    Parameters
+    ----------
+    model : DescriptorModel
+        The linearised model of seat, pilot and controls.
+    channels : Channels, optional
+        Names of imposed motions and outputs.
+    positions : mapping of str to ndarray, shape (3,)
+        Where the nodes are [m, world axes], which rotations of the seat need.
 
     Raises
     ------
     MatrixError
-        An unknown is not in the model, or no joint holds the seat alone.
+        An unknown is not in the model, no joint holds the seat alone, or a rotation is wanted without positions.
     """
     names = channels or Channels()
-    imposed = model.index(names.imposed)
-    seat_name = names.imposed.rpartition(".")[0]
-    seat = model.owned_by(seat_name)
+    imposed = np.array([model.index(f"{names.seat}.{suffix}") for suffix in _SUFFIXES])
+    seat = model.owned_by(names.seat)
     occupied = (model.g_y != 0.0) | (model.g_ydot != 0.0)
     occupied[seat] = False
     occupied[:, seat] = False
@@ -96,7 +160,7 @@ def split(model: DescriptorModel, channels: Channels | None = None) -> ImposedMo
     holds_seat = model.reactions[~acts_elsewhere]
     if len(holds_seat) == 0:
         raise MatrixError(
-            f"no joint holds '{seat_name}' and nothing else; only a joint between the seat and the ground can be "
+            f"no joint holds '{names.seat}' and nothing else; only a joint between the seat and the ground can be "
             "replaced by an imposed motion"
         )
     is_free = np.ones(len(model.names), dtype=bool)
@@ -104,7 +168,9 @@ def split(model: DescriptorModel, channels: Channels | None = None) -> ImposedMo
     is_free[holds_seat] = False
     keep = np.flatnonzero(is_free)
     free = model.restrict(keep)
-    g_y_I, g_ydot_I = model.g_y[keep, imposed], model.g_ydot[keep, imposed]
+    by_seat = _motion_of(np.zeros((1, 3)), names)[0]
+    g_y_I = block(model.g_y, keep, imposed) @ by_seat
+    g_ydot_I = block(model.g_ydot, keep, imposed) @ by_seat
 
     outputs: dict[str, Floats] = {}
     for name, weights in names.outputs.items():
@@ -114,69 +180,196 @@ def split(model: DescriptorModel, channels: Channels | None = None) -> ImposedMo
         for unknown, weight in weights.items():
             row[free.index(unknown)] += weight
         outputs[name] = row
+    output_matrix = np.array(list(outputs.values()))
 
     form = second_order_form(free)
     m_I, d_I = g_ydot_I[free.definition_rows], g_y_I[free.definition_rows]
-    M_I, C_I = np.zeros(len(form.M)), g_ydot_I[free.equilibrium_rows] + form.momentum_force @ m_I
+    M_I, C_I = np.zeros((len(form.M), len(names.inputs))), g_ydot_I[free.equilibrium_rows] + form.momentum_force @ m_I
     M_I[form.dynamic] = m_I
     C_I[form.dynamic] += d_I
+    rigid = _rigid_motion(free, names, positions)
+    watched = output_matrix[:, free.coordinates]
+    used = np.flatnonzero(watched.any(axis=0))
+    if np.isnan(rigid[used]).any():
+        raise MatrixError("rotations of the seat need the positions of the nodes, which come with a matrices file")
     return ImposedMotion(
         free=free,
         g_y_imposed=g_y_I,
         g_ydot_imposed=g_ydot_I,
-        output_matrix=np.array(list(outputs.values())),
+        output_matrix=output_matrix,
+        output_imposed=-watched[:, used] @ rigid[used],
+        inputs=names.inputs,
         outputs=tuple(outputs),
         form=form,
         M_imposed=M_I,
         C_imposed=C_I,
         K_imposed=g_y_I[free.equilibrium_rows] + form.momentum_force @ d_I,
+        rigid=rigid,
     )
 
 
-def translation_error(plant: ImposedMotion, direction: str) -> float:
-    """Return the largest relative violation of the invariance to translation along the imposed direction.
+_SUFFIXES = ("x", "y", "z", "gx", "gy", "gz")
+
+
+def _motion_of(offsets: Floats, channels: Channels) -> Floats:
+    """Motion of points that move with the seat, at `offsets` (m, 3) from its node: shape (m, 6, k).
+
+    A point at r turns with the seat and moves by axis x (r - point).
+    """
+    motion = np.zeros((len(offsets), 6, len(channels.inputs)))
+    for j, name in enumerate(channels.inputs):
+        wanted = SEAT_MOTIONS[name]
+        axis = np.array(wanted.axis)
+        if wanted.rotation:
+            motion[:, :3, j] = np.cross(axis, offsets - np.array(channels.point_m))
+            motion[:, 3:, j] = axis
+        else:
+            motion[:, :3, j] = axis
+    return motion
+
+
+def _rigid_motion(free: DescriptorModel, channels: Channels, positions: Mapping[str, Floats] | None) -> Floats:
+    """Every free coordinate when all nodes move with the seat, shape (n_q, k)."""
+    if not any(SEAT_MOTIONS[name].rotation for name in channels.inputs):
+        motion = _motion_of(np.zeros((1, 3)), channels)[0]
+        endings = _endings(free.names[free.coordinates].tobytes(), free.names.dtype.str)
+        rigid: Floats = motion[endings]
+        return rigid
+    seat = None if positions is None else positions.get(channels.seat)
+    rigid = np.empty((len(free.coordinates), len(channels.inputs)))
+    for row, column in enumerate(free.coordinates):
+        node, _, suffix = free.name(int(column)).rpartition(".")
+        place = None if positions is None else positions.get(node)
+        known = seat is not None and place is not None
+        offset = place - seat if seat is not None and place is not None else np.zeros(3)
+        rigid[row] = _motion_of(offset[None], channels)[0, _SUFFIXES.index(suffix)]
+        if not known and suffix in ("x", "y", "z"):
+            rigid[row] = np.nan
+    return rigid
+
+
+@lru_cache(maxsize=8)  # the pilots of a study differ in their numbers only
+def _endings(name_bytes: bytes, name_type: str) -> Indices:
+    """Which of the six coordinates of its node each coordinate is."""
+    names = np.frombuffer(name_bytes, name_type)
+    return np.array([_SUFFIXES.index(bytes(name).decode().rpartition(".")[2]) for name in names])
+
+
+def translation_error(imposed: ImposedMotion, input: int = 0) -> float:
+    """Return the largest relative violation of the invariance to an imposed translation.
 
     A pilot who touches nothing but the cockpit feels no force when cockpit and pilot translate together, at rest or at
     a constant rate: then phi/z has a double zero at s = 0, which the exact formula rests on.
-
-    Parameters
-    ----------
-    plant : ImposedMotion
-        The split model.
-    direction : str
-        Ending of the imposed unknown's name: `y` for the heave.
     """
-    free, form = plant.free, plant.form
-    shift = np.char.endswith(free.names[free.coordinates], b"." + direction.encode()).astype(float)
+    free, form, shift = imposed.free, imposed.form, imposed.rigid[:, input]
     worst = 0.0
-    for matrix, imposed in (
-        (form.K, plant.K_imposed),
-        (form.C, plant.C_imposed),
-        (form.Phi_0, plant.g_y_imposed[free.constraint_rows]),
-        (form.Phi_1, plant.g_ydot_imposed[free.constraint_rows]),
+    for matrix, columns in (
+        (form.K, imposed.K_imposed),
+        (form.C, imposed.C_imposed),
+        (form.Phi_0, imposed.g_y_imposed[free.constraint_rows]),
+        (form.Phi_1, imposed.g_ydot_imposed[free.constraint_rows]),
     ):
+        by_seat = columns[:, input]
         scale = np.abs(matrix).max(initial=0.0)
-        if scale > 0.0 or np.any(imposed):
-            worst = max(worst, float(np.abs(matrix @ shift + imposed).max()) / max(scale, float(np.abs(imposed).max())))
+        if scale > 0.0 or np.any(by_seat):
+            worst = max(worst, float(np.abs(matrix @ shift + by_seat).max()) / max(scale, float(np.abs(by_seat).max())))
     return worst
 
 
-def full_order_response(plant: ImposedMotion, omega: ArrayLike, output: int = 0) -> Complexes:
-    """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2 of one output [rad per m/s^2].
+def rotation_error(imposed: ImposedMotion, input: int, fall: ImposedMotion) -> tuple[float, float]:
+    """Return how far a rotation of cockpit and pilot is from a tilt of gravity, and the gravity that fits [m/s^2].
+
+    A rotated cockpit differs from the one at rest by the direction of gravity alone, and gravity is an acceleration:
+    the forces that a rigid rotation sets free are those of the horizontal acceleration axis x (0, -1, 0), times g,
+    plus reactions; rotation at a constant rate sets none free; constraints stay closed. Yaw leaves gravity as it is.
+
+    Parameters
+    ----------
+    imposed : ImposedMotion
+        The model with a rotation as its input number `input`.
+    input : int
+        Which.
+    fall : ImposedMotion
+        The same model with the inputs surge and sway, in that order.
+
+    Returns
+    -------
+    tuple of float
+        Largest violation relative to the largest stiffness, damping or constraint entry; g (NaN for yaw).
+    """
+    free, form, w = imposed.free, imposed.form, imposed.rigid[:, input]
+    worst = 0.0
+    for matrix, columns in (
+        (form.C, imposed.C_imposed),
+        (form.Phi_0, imposed.g_y_imposed[free.constraint_rows]),
+        (form.Phi_1, imposed.g_ydot_imposed[free.constraint_rows]),
+    ):
+        scale = np.abs(matrix).max(initial=0.0)
+        if scale > 0.0 or np.any(columns):
+            violation = np.abs(matrix @ w + columns[:, input]).max()
+            worst = max(worst, float(violation) / max(scale, float(np.abs(columns).max())))
+    forces = form.K @ w + imposed.K_imposed[:, input]
+    surge, _, sway = np.cross(SEAT_MOTIONS[imposed.inputs[input]].axis, (0.0, -1.0, 0.0))
+    inertia = (form.M @ fall.rigid + fall.M_imposed) @ np.array([surge, sway])
+    columns = form.B if surge == sway == 0.0 else np.column_stack((inertia, form.B))
+    fit = np.linalg.lstsq(columns, forces, rcond=None)[0]
+    scale = max(float(np.abs(form.K).max(initial=0.0)), float(np.abs(forces).max()))
+    worst = max(worst, float(np.abs(columns @ fit - forces).max()) / scale)
+    return worst, float(fit[0]) if surge or sway else math.nan
+
+
+def static_terms(imposed: ImposedMotion) -> Floats:
+    """Return F(0) and F'(0) of F(s) = output per imposed motion, shape (p, k, 2).
+
+    Both vanish for translations. For rotations F(0) is the standing deflection per angle of tilt, and F'(0) its rate
+    term: y/z'' = F(s)/s^2 has the double pole F(0)/s^2 + F'(0)/s at s = 0.
+    """
+    form, free = imposed.form, imposed.free
+    phi_0, phi_1 = imposed.g_y_imposed[free.constraint_rows], imposed.g_ydot_imposed[free.constraint_rows]
+    Phi_0, Phi_1, B, phi_0, phi_1 = _independent(form, phi_0, phi_1)
+    n_q = len(form.M)
+    stiff = np.block([[form.K, B], [Phi_0, np.zeros((len(Phi_0), B.shape[1]))]])
+    damp = np.block([[form.C, np.zeros_like(B)], [Phi_1, np.zeros((len(Phi_0), B.shape[1]))]])
+    # relative to the rigid motion: forces are small there, and what is left is not a difference of large numbers
+    rest = np.vstack((form.K @ imposed.rigid + imposed.K_imposed, Phi_0 @ imposed.rigid + phi_0))
+    rate = np.vstack((form.C @ imposed.rigid + imposed.C_imposed, Phi_1 @ imposed.rigid + phi_1))
+    try:
+        at_rest = np.linalg.solve(stiff, -rest)
+        per_rate = np.linalg.solve(stiff, -(rate + damp @ at_rest))
+    except np.linalg.LinAlgError as error:
+        raise EvaluationError("feedthrough", "the pilot has no standing deflection: a motion is free") from error
+    watched = imposed.output_matrix[:, free.coordinates]
+    return np.stack((watched @ at_rest[:n_q], watched @ per_rate[:n_q]), axis=2)
+
+
+def _independent(form: SecondOrderForm, phi_0: Floats, phi_1: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Phi_0, Phi_1, B and the imposed columns of an independent set of constraints, which says the same."""
+    Phi_0, Phi_1, B = form.Phi_0, form.Phi_1, form.B
+    rows = independent_constraints(Phi_0 + Phi_1)
+    if len(rows) < len(Phi_0):
+        Phi_0, Phi_1, phi_0, phi_1 = Phi_0[rows], Phi_1[rows], phi_0[rows], phi_1[rows]
+        B = B[:, independent_constraints(B.T)]
+    return Phi_0, Phi_1, B, phi_0, phi_1
+
+
+def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 0, input: int = 0) -> Complexes:
+    """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2 of one output by one acceleration.
 
     EvaluationError if the matrix is singular at a frequency.
 
     One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly, and those that
     nothing connects to the output (the other arm, while the seat's motion is imposed). Nothing of the modal route is
-    used. `omega` in rad/s, shape (m,); `output` counts as in `plant.outputs`.
+    used. `omega` in rad/s, shape (m,); `output` counts as in `imposed.outputs`, `input` as in
+    `imposed.inputs`.
     """
-    form, free = plant.form, plant.free
+    form, free = imposed.form, imposed.free
     s = 1j * np.asarray(omega, dtype=float).reshape(-1)
     M, C, K, B, Phi_0, Phi_1 = form.M, form.C, form.K, form.B, form.Phi_0, form.Phi_1
-    weights = plant.output_matrix[output, free.coordinates]
-    m_I, c_I, k_I = plant.M_imposed, plant.C_imposed, plant.K_imposed
-    phi_0, phi_1 = plant.g_y_imposed[free.constraint_rows], plant.g_ydot_imposed[free.constraint_rows]
-    if len(plant.outputs) > 1:
+    weights = imposed.output_matrix[output, free.coordinates]
+    m_I, c_I, k_I = (column[:, input] for column in (imposed.M_imposed, imposed.C_imposed, imposed.K_imposed))
+    phi_0 = imposed.g_y_imposed[free.constraint_rows, input]
+    phi_1 = imposed.g_ydot_imposed[free.constraint_rows, input]
+    if len(imposed.outputs) > 1:
         q, r = _connected(form, weights != 0.0)
         M, C, K, B = block(M, q, q), block(C, q, q), block(K, q, q), block(B, q, r)
         Phi_0, Phi_1 = block(Phi_0, r, q), block(Phi_1, r, q)
@@ -200,7 +393,7 @@ def full_order_response(plant: ImposedMotion, omega: ArrayLike, output: int = 0)
         solution = np.linalg.solve(pencil, right)
     except np.linalg.LinAlgError as error:
         raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
-    response: Complexes = (solution[:, :n_q, 0] @ weights) / (s * s)
+    response: Complexes = (solution[:, :n_q, 0] @ weights + imposed.output_imposed[output, input]) / (s * s)
     return response
 
 

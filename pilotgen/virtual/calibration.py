@@ -168,13 +168,13 @@ def reference_study(study: Study) -> Study:
 
 
 def grip_receptance(
-    plant: ImposedMotion, lever_length_m: float, omega: ArrayLike, unknown: str = "lever.gz"
+    imposed: ImposedMotion, lever_length_m: float, omega: ArrayLike, unknown: str = "lever.gz"
 ) -> Complexes:
     """Driving-point receptance at the collective's grip: motion along its arc per force along it [m/N].
 
     Parameters
     ----------
-    plant : ImposedMotion
+    imposed : ImposedMotion
         The pilot at the controls; the seat does not move.
     lever_length_m : float
         Hinge to grip [m].
@@ -183,7 +183,7 @@ def grip_receptance(
     unknown : str
         Rotation of the lever.
     """
-    form, free = plant.form, plant.free
+    form, free = imposed.form, imposed.free
     lever = int(np.flatnonzero(free.coordinates == free.index(unknown))[0])
     n_q, n_r = len(form.M), len(form.Phi_0)
     s = 1j * np.asarray(omega, dtype=float).reshape(-1)[:, None, None]
@@ -199,19 +199,19 @@ def grip_receptance(
 
 def grip_stiffness(model: PilotModel) -> float:
     """Static stiffness of the hand at the collective grip, along the lever's arc [N/m]."""
-    return 1.0 / float(grip_receptance(_plant(model), model.lever_length_m, [0.0])[0].real)
+    return 1.0 / float(grip_receptance(_imposed(model), model.lever_length_m, [0.0])[0].real)
 
 
 def grip_mass(model: PilotModel) -> float:
     """Mass of arm and lever that a fast motion of the grip along its arc has to move [kg]."""
     omega = 2.0 * math.pi * HIGH_FREQUENCY_HZ
-    return -1.0 / (omega**2 * float(grip_receptance(_plant(model), model.lever_length_m, [omega])[0].real))
+    return -1.0 / (omega**2 * float(grip_receptance(_imposed(model), model.lever_length_m, [omega])[0].real))
 
 
-def _plant(model: PilotModel) -> ImposedMotion:
-    if model.plant is None:
+def _imposed(model: PilotModel) -> ImposedMotion:
+    if model.imposed is None:
         raise EvaluationError("calibration", f"a pilot model of projection '{model.projection}' has no arm")
-    return model.plant
+    return model.imposed
 
 
 # ---- fitting ---------------------------------------------------------------------------------------------------------

@@ -111,9 +111,9 @@ def test_tasks_differ_as_people_do(person: CalibrationPilot) -> None:
 def test_receptance_is_what_a_force_at_the_grip_does(person: CalibrationPilot) -> None:
     """Against a dense solve of the whole descriptor model, momenta and all."""
     model = person.model(calibrated_gains("rigid")["position"])
-    plant = model.plant
-    assert plant is not None
-    free = plant.free
+    imposed = model.imposed
+    assert imposed is not None
+    free = imposed.free
     lever = free.index("lever.gz")
     row = free.equilibrium_rows[list(free.coordinates).index(lever)]
     moment = np.zeros(len(free.names), dtype=complex)
@@ -121,13 +121,13 @@ def test_receptance_is_what_a_force_at_the_grip_does(person: CalibrationPilot) -
     for frequency in (0.0, 1.0, 3.75, 12.0):
         s = 2j * math.pi * frequency
         answer = np.linalg.solve(s * free.g_ydot + free.g_y, moment)[lever] * 0.32
-        ours = grip_receptance(plant, 0.32, [2.0 * math.pi * frequency])[0]
-        assert ours == pytest.approx(complex(answer) * _sign(plant), rel=1e-8)
+        ours = grip_receptance(imposed, 0.32, [2.0 * math.pi * frequency])[0]
+        assert ours == pytest.approx(complex(answer) * _sign(imposed), rel=1e-8)
 
 
-def _sign(plant: object) -> float:
+def _sign(imposed: object) -> float:
     """Sign of the equilibrium rows: + if the residual holds inertia with plus, as the mass matrix of the form."""
-    form, free = plant.form, plant.free  # type: ignore[attr-defined]
+    form, free = imposed.form, imposed.free  # type: ignore[attr-defined]
     lever = list(free.coordinates).index(free.index("lever.gz"))
     return float(np.sign(form.M[lever, lever]))
 

@@ -93,8 +93,8 @@ def test_literal_formula_is_equation_31() -> None:
     """Eq. (31) as printed, written out with matrices of the test's own: C (sE - A)^-1 (s B1 + B2) / s^2."""
     matrices = lever_on_seat()
     model = make_pilot_model(matrices, 0.4, projection="literal")
-    plant = split(descriptor(matrices))
-    # the only retained modes are the lever's: project the plant on the rotation phi by hand
+    imposed = split(descriptor(matrices))
+    # the only retained modes are the lever's: project the imposed on the rotation phi by hand
     w2, d = STIFFNESS / INERTIA, DAMPING / INERTIA
     lam = np.roots([1.0, d, w2])
     s = 1j * OMEGA
@@ -103,8 +103,8 @@ def test_literal_formula_is_equation_31() -> None:
     kept = numerator * (-(d * s + w2)) / (s**2 + d * s + w2)
     assert_allclose(model.response(OMEGA), kept / s**2, rtol=1e-9)
     assert_allclose(np.sort_complex(model.poles), np.sort_complex(lam), rtol=1e-10)
-    assert certificate(model) > 1.0  # it is not the response of the plant
-    assert_allclose(full_order_response(plant, OMEGA), lever_closed_form(OMEGA), rtol=1e-9)
+    assert certificate(model) > 1.0  # it is not the response of the imposed
+    assert_allclose(full_order_response(imposed, OMEGA), lever_closed_form(OMEGA), rtol=1e-9)
 
 
 def resolvent(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -201,7 +201,7 @@ def test_free_motion_is_refused() -> None:
 
 def test_missing_names_are_named() -> None:
     for channels, message in (
-        (Channels(imposed="chair.y"), "unknown 'chair.y' is not among"),
+        (Channels(seat="chair"), "unknown 'chair.x' is not among"),
         (Channels(outputs={"collective_rotation": {"stick.gz": 1.0}}), "unknown 'stick.gz' is not"),
     ):
         with pytest.raises(MatrixError, match=message):
