@@ -9,6 +9,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any, Protocol
 
@@ -177,7 +178,7 @@ def render_direct(
     c: float,
     torso: SeatedTorso | None = None,
     activation_check: bool = False,
-    seat_drive: str = "const, 0.",
+    seat_drive: str | Mapping[str, str] = "const, 0.",
     final_time_s: float = TIME_STEP_S,
     time_step_s: float = TIME_STEP_S,
 ) -> str:
@@ -199,8 +200,10 @@ def render_direct(
         The torso between seat and shoulders; None: rigid, one body with the seat.
     activation_check : bool
         Clip activations to [0, 1]; no for linearisation, since clipping at rest has no derivative.
-    seat_drive : str
-        Drive of the seat's vertical motion [m] as MBDyn reads it; value and rate zero at the start.
+    seat_drive : str or mapping of str to str
+        Drive of the seat's vertical motion [m] as MBDyn reads it, value and rate zero at the start; or drives of
+        several motions [m, rad] by their names: heave up, surge forward, sway right, roll right, pitch nose up, yaw
+        nose right. Rotations are about the seat's node.
     final_time_s, time_step_s : float
         Of a time integration.
     """
@@ -217,6 +220,30 @@ def render_direct(
         seat_drive=seat_drive,
         seated=torso,
     )
+
+
+def _seat_drives(drives: str | Mapping[str, str]) -> dict[str, str]:
+    """Vector drives of the seat's position and orientation."""
+    if isinstance(drives, str):
+        drives = {"heave": drives}
+    rows = {"position": ("surge", "heave", "sway"), "orientation": ("roll", "yaw", "pitch")}  # along x, y, z
+    vectors = {}
+    for part, names in rows.items():
+        driven = [name for name in names if name in drives]
+        if not driven:
+            vectors[part] = "null"
+        elif len(driven) == 1:
+            sign = "-1." if driven[0] == "yaw" else "1."  # nose right is about the axis down
+            axis = ", ".join(sign if name == driven[0] else "0." for name in names)
+            vectors[part] = f"single, {axis}, {drives[driven[0]]}"
+        else:
+            vectors[part] = "component,\n\t\t" + ",\n\t\t".join(
+                f"mult, const, -1., {drives[name]}"
+                if name == "yaw" and name in drives
+                else drives.get(name, "const, 0.")
+                for name in names
+            )
+    return vectors
 
 
 def _analysis(c: float, time_step_s: float, final_time_s: float = TIME_STEP_S) -> dict[str, str]:
@@ -239,7 +266,7 @@ def _render_pilot(
     gains: Gains,
     analysis: dict[str, str],
     activation_check: bool,
-    seat_drive: str,
+    seat_drive: str | Mapping[str, str],
     seated: SeatedTorso | None,
 ) -> str:
     arms = arms_with_muscles(body, cockpit, posture)
@@ -265,5 +292,6 @@ def _render_pilot(
         velocity_factor=number(velocity_factor(body)),
         back_angle=number(cockpit.back_angle_deg),
         gravity=number(GRAVITY_M_PER_S2),
-        seat_drive=seat_drive,
+        drives=_seat_drives(seat_drive),
+        is_heave=isinstance(seat_drive, str),
     )

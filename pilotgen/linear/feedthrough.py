@@ -186,12 +186,13 @@ def _literal(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
 
 def _from_modes(lam: Complexes, C: Numbers, B: Numbers, D: Floats) -> _Realisation:
     """Real blocks and residues C_k B_k; each mode is scaled by the input that drives it most."""
+    modes = np.arange(len(lam))
     largest = np.abs(B).argmax(axis=1)
-    scale = B[np.arange(len(lam)), largest]
-    scale = np.where(scale == 0.0, 1.0, scale)
-    left, right = C * scale, B / scale[:, None]
-    right = right.astype(np.complex128)
-    right[np.arange(len(lam)), largest] = np.where(np.abs(B).any(axis=1), 1.0, 0.0)
+    scale = B[modes, largest]
+    driven = scale != 0.0
+    right: Complexes = (B / np.where(driven, scale, 1.0)[:, None]).astype(np.complex128)
+    right[modes, largest] = np.where(driven, 1.0, 0.0)
+    left: Complexes = C * np.where(driven, scale, 1.0)
     return (*real_blocks(lam, left, right), D, (lam, left[:, :, None] * right))
 
 

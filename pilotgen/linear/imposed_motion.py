@@ -110,8 +110,7 @@ class ImposedMotion:
     M_imposed, C_imposed, K_imposed : ndarray, shape (n_q, k)
         How z'', z' and z enter the equilibrium equations once momenta are eliminated.
     rigid : ndarray, shape (n_q, k)
-        The free coordinates when everything moves with the seat; NaN where positions of nodes would be needed and are
-        not known.
+        The free coordinates when everything moves with the seat.
     """
 
     free: DescriptorModel
@@ -189,15 +188,12 @@ def split(
     C_I[form.dynamic] += d_I
     rigid = _rigid_motion(free, names, positions)
     watched = output_matrix[:, free.coordinates]
-    used = np.flatnonzero(watched.any(axis=0))
-    if np.isnan(rigid[used]).any():
-        raise MatrixError("rotations of the seat need the positions of the nodes, which come with a matrices file")
     return ImposedMotion(
         free=free,
         g_y_imposed=g_y_I,
         g_ydot_imposed=g_ydot_I,
         output_matrix=output_matrix,
-        output_imposed=-watched[:, used] @ rigid[used],
+        output_imposed=-watched @ rigid,
         inputs=names.inputs,
         outputs=tuple(outputs),
         form=form,
@@ -235,16 +231,15 @@ def _rigid_motion(free: DescriptorModel, channels: Channels, positions: Mapping[
         endings = _endings(free.names[free.coordinates].tobytes(), free.names.dtype.str)
         rigid: Floats = motion[endings]
         return rigid
-    seat = None if positions is None else positions.get(channels.seat)
+    if positions is None:
+        raise MatrixError("rotations of the seat need the positions of the nodes, which come with a matrices file")
     rigid = np.empty((len(free.coordinates), len(channels.inputs)))
     for row, column in enumerate(free.coordinates):
         node, _, suffix = free.name(int(column)).rpartition(".")
-        place = None if positions is None else positions.get(node)
-        known = seat is not None and place is not None
-        offset = place - seat if seat is not None and place is not None else np.zeros(3)
+        if node not in positions or channels.seat not in positions:
+            raise MatrixError(f"the position of node '{node}' or '{channels.seat}' is not known")
+        offset = positions[node] - positions[channels.seat]
         rigid[row] = _motion_of(offset[None], channels)[0, _SUFFIXES.index(suffix)]
-        if not known and suffix in ("x", "y", "z"):
-            rigid[row] = np.nan
     return rigid
 
 

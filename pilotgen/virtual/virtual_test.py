@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,11 +22,13 @@ from pilotgen.errors import EvaluationError, MatrixError
 from pilotgen.evaluation import EvaluationContext, SolvedPilot
 from pilotgen.files import write_text
 from pilotgen.hdf5 import opened, text
+from pilotgen.linear.imposed_motion import SEAT_MOTIONS
 from pilotgen.solver.descriptor import Complexes, Floats
 from pilotgen.study.study import Reflex
 
 MOTION_FILETYPE, MOTION_VERSION = "pilotgen motion", 1
-INPUT_CHANNEL, OUTPUT_CHANNEL = "seat.y", "lever.gz"
+OUTPUT_CHANNEL = "lever.gz"
+SEAT_CHANNELS = ("seat.x", "seat.y", "seat.z", "seat.gx", "seat.gy", "seat.gz")
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-7, 1e-10  # of IDA; 1e-7 leaves about 1e-5 in the response
 TIME_LIMIT_S = 600.0  # of one integration
 
@@ -176,6 +178,10 @@ class VirtualTest:
         Directory in which decks and motion files stay.
     integrator : str
         `ida`, or `ms` for MBDyn's own method at the deck's step.
+    motion : str
+        How the seat is moved, a name of `SEAT_MOTIONS`; rotations about the seat's node.
+    output : str
+        Rotation that is watched, relative to the seat.
     """
 
     def __init__(
@@ -185,13 +191,18 @@ class VirtualTest:
         gains: Reflex,
         keep: Path | None = None,
         integrator: str = "ida",
+        motion: str = "heave",
+        output: str = OUTPUT_CHANNEL,
     ) -> None:
         assert pilot.matrices is not None
         self._bench, self._pilot, self._gains, self._integrator = context, pilot, gains, integrator
         self._lengths = pilot.matrices.muscle_lengths
         self._keep = keep
+        self.motion, self.output = motion, output
 
-    def deck(self, drive: str, final_time_s: float, time_step_s: float, activation_check: bool) -> str:
+    def deck(
+        self, drive: str | Mapping[str, str], final_time_s: float, time_step_s: float, activation_check: bool
+    ) -> str:
         """The pilot's deck with this motion of the seat."""
         pilot = self._pilot
         return render_direct(
@@ -204,7 +215,7 @@ class VirtualTest:
             c=pilot.study.pilot.matrix_coefficient_s,
             torso=pilot.torso,
             activation_check=activation_check,
-            seat_drive=drive,
+            seat_drive=drive if not isinstance(drive, str) or self.motion == "heave" else {self.motion: drive},
             final_time_s=final_time_s,
             time_step_s=time_step_s,
         )
@@ -218,6 +229,22 @@ class VirtualTest:
         name: str = "simulate",
     ) -> Motion:
         """Integrate the deck under one motion of the seat; rows every `time_step_s`."""
+        time, seat, lever = self.record(
+            drive, [self.motion], [self.output], final_time_s, time_step_s, activation_check, name
+        )
+        return Motion(time, seat[:, 0], lever[:, 0])
+
+    def record(
+        self,
+        drive: str | Mapping[str, str],
+        motions: Sequence[str],
+        outputs: Sequence[str],
+        final_time_s: float,
+        time_step_s: float,
+        activation_check: bool,
+        name: str,
+    ) -> tuple[Floats, Floats, Floats]:
+        """Integrate the deck; times (n,), motions of the seat (n, k) and rotations relative to the seat (n, p)."""
         text = self.deck(drive, final_time_s, time_step_s, activation_check)
         where = self._keep if self._keep is not None else self._bench.scratch
         if self._keep is not None:
@@ -234,15 +261,26 @@ class VirtualTest:
                 integrator=self._integrator,
                 rtol=RELATIVE_TOLERANCE,
                 atol=ABSOLUTE_TOLERANCE,
-                channels=[INPUT_CHANNEL, OUTPUT_CHANNEL],
+                channels=list(dict.fromkeys([*SEAT_CHANNELS, *outputs])),
             )
         finally:
             self._bench.time_limit_s = limit
-        return read_motion(output)
+        time, found = read_motion(output, [*SEAT_CHANNELS, *outputs])
+        seat = np.column_stack([_along(found, motion) for motion in motions])
+        turned = [found[channel] - found[f"seat.{channel.rpartition('.')[2]}"] for channel in outputs]
+        return time, seat, np.column_stack(turned)
 
 
-def read_motion(path: str | os.PathLike[str]) -> Motion:
-    """Read seat and lever from a motion file (docs/io_formats/motion.md).
+def _along(found: Mapping[str, Floats], motion: str) -> Floats:
+    """The seat's motion of a name of `SEAT_MOTIONS`."""
+    wanted = SEAT_MOTIONS[motion]
+    channels = SEAT_CHANNELS[3:] if wanted.rotation else SEAT_CHANNELS[:3]
+    i = next(i for i, part in enumerate(wanted.axis) if part)
+    return wanted.axis[i] * found[channels[i]]
+
+
+def read_motion(path: str | os.PathLike[str], channels: Sequence[str]) -> tuple[Floats, dict[str, Floats]]:
+    """Read times and channels, each from its value at the start, of a motion file (docs/io_formats/motion.md).
 
     Raises
     ------
@@ -253,9 +291,9 @@ def read_motion(path: str | os.PathLike[str]) -> Motion:
     """
     with opened(path, MOTION_FILETYPE, (MOTION_VERSION, 0), MatrixError) as file:
         time, data = np.asarray(file["time"][()]), np.asarray(file["data"][()])
-        channels = [text(channel).rstrip("\0") for channel in file["channels/name"][()]]
-        seat, lever = (data[:, channels.index(channel)] for channel in (INPUT_CHANNEL, OUTPUT_CHANNEL))
-    return Motion(time, seat - seat[0], lever - lever[0])
+        names = [text(channel).rstrip("\0") for channel in file["channels/name"][()]]
+        columns = {channel: data[:, names.index(channel)] for channel in channels}
+    return time, {channel: column - column[0] for channel, column in columns.items()}
 
 
 # ---- sine test -------------------------------------------------------------------------------------------------------

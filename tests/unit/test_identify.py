@@ -154,19 +154,19 @@ def test_the_same_seed_gives_the_same_motion() -> None:
 
 def test_motion_files_are_checked(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"no\.h5"):
-        read_motion(tmp_path / "no.h5")
+        read_motion(tmp_path / "no.h5", ["seat.y"])
     path = tmp_path / "motion.h5"
     with h5py.File(path, "w") as file:
         file.attrs["filetype"] = np.bytes_("something else")
     with pytest.raises(MatrixError, match="something else"):
-        read_motion(path)
+        read_motion(path, ["seat.y", "lever.gz"])
     with h5py.File(path, "w") as file:
         file.attrs["filetype"] = np.bytes_("pilotgen motion")
         file.attrs["version"] = np.array([1, 0])
         file["time"], file["data"] = np.zeros(2), np.zeros((2, 1))
         file["channels/name"] = np.array(["seat.y"], "S")
     with pytest.raises(MatrixError, match=r"lever\.gz"):
-        read_motion(path)
+        read_motion(path, ["seat.y", "lever.gz"])
 
 
 # ---- one pilot, small

@@ -26,7 +26,7 @@ OMEGA = np.concatenate(([0.0], np.geomspace(1e-2, 1e3, 60)))
 
 def pilot(frequency_hz: float, damping: float, integrators: int, washout_rad_s: float | None, D: float) -> PilotModel:
     model = mayo_pilot(frequency_hz, damping, 0.1, 0.32, washout_rad_s)
-    return dataclasses.replace(model, integrators=integrators, D=np.array([D]))
+    return dataclasses.replace(model, integrators=integrators, D=np.array([[D]]))
 
 
 def loop_of(model: PilotModel, fractions: bool = True) -> LoopModel:
