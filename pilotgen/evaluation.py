@@ -439,12 +439,6 @@ def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> t
     pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
     loop = LoopModel(pilot, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions())
     verdict = margins(loop)
-    if verdict.stable is None:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
-        assert verdict.largest_real_part is not None
-        low, high = verdict.largest_real_part
-        raise EvaluationError(
-            "margins",
-            f"whether the closed loop is stable cannot be told: its largest real part lies between {low:.3g} and "
-            f"{high:.3g} rad/s, and {loop.open_loop.n_states} states are too many for exact arithmetic",
-        )
+    if verdict.not_told:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
+        raise EvaluationError("margins", f"the loop's margins cannot be told: {verdict.not_told}")
     return loop, verdict

@@ -82,8 +82,8 @@ def as_object(m: Margins, answer: FrequencyAnswer | None = None) -> dict[str, An
     told["unit_circle_crossings"] = [
         {**_point(c), "phase_deg": _number(c.phase_deg)} for c in m.crossings if c.kind == "unit circle"
     ]
-    if m.stable is None:
-        told["why_not_told"] = _why(m, answer)
+    if m.not_told:
+        told["why_not_told"] = m.not_told
     if m.largest_real_part is not None:
         told["largest_real_part"] = [_number(x) for x in m.largest_real_part]
     if answer is not None:
@@ -104,14 +104,6 @@ def _number(value: float | None) -> float | str | None:
     if value is None or math.isnan(value):
         return None
     return value + 0.0 if math.isfinite(value) else "inf" if value > 0.0 else "-inf"  # + 0.0: no minus zero
-
-
-def _why(m: Margins, answer: FrequencyAnswer | None) -> str:
-    if answer is not None:
-        return answer.reason
-    assert m.largest_real_part is not None
-    low, high = m.largest_real_part
-    return f"in double precision the largest real part of the closed loop lies between {low:.3g} and {high:.3g} rad/s"
 
 
 def _errors(m: Margins, answer: FrequencyAnswer) -> dict[str, float | None]:
@@ -137,8 +129,9 @@ def _errors(m: Margins, answer: FrequencyAnswer) -> dict[str, float | None]:
 
 def as_text(m: Margins, answer: FrequencyAnswer | None = None) -> str:
     """The same for a person."""
-    state = "cannot be told: " + _why(m, answer) if m.stable is None else "stable" if m.stable else "UNSTABLE"
-    lines = [f"closed loop      {state}"]
+    lines = [f"closed loop      {'cannot be told' if m.stable is None else 'stable' if m.stable else 'UNSTABLE'}"]
+    if m.not_told:
+        lines.append(f"not told         {m.not_told}")
     errors = _errors(m, answer) if answer is not None else {}
     for label, key, unit, hz in (
         ("gain margin", "gain_margin_db", " dB", m.gain_margin_hz),

@@ -1,8 +1,9 @@
 """Where a loop's frequency response crosses the unit circle and the negative real axis, and where it is nearest to -1.
 
-The Bernstein coefficients of the interpolant on each interval of `locus` bound it: intervals without a crossing fall
-away, undecided ones are split, brackets are polished by a safeguarded Newton iteration on the exact response.
-The method and its reasons: docs/theory/margins.md.
+The Bernstein coefficients of the interpolant on each interval of `locus`, with its error bound, enclose the locus:
+intervals that hold no crossing, or nothing nearer to -1 than what is known, fall away; undecided ones are split; the
+rest is polished by a safeguarded Newton iteration on the exact response. What double precision cannot settle is marked
+as doubtful, for `verified`. The method and its reasons: docs/theory/margins.md.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -10,10 +11,10 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from pilotgen.linear.partial_fractions import PartialFractions
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
@@ -23,8 +24,8 @@ _EPS = float(np.finfo(float).eps)
 _MAX_SPLITS = 16  # halvings; a touch that is undecided after so many is closer than _TOUCH
 _MAX_OPEN = 4096  # intervals; more are open only if the locus follows the circle or the axis within round-off
 _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| below this, is a touch
-_FLAT = 1e-8  # a touch at both ends of an interval with slopes (times its length) below this lasts the whole interval
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
+_SURE = 1e-9  # relative round-off in a crossing's frequency or value, or in |1 + L|, beyond which it is doubtful
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
 FAINT, HUGE = 1e-10, 1e10  # |L| beyond which (200 dB) a crossing is of no interest and often round-off
 _MAX_NEWTON = 100
@@ -42,7 +43,8 @@ class Points:
 class LocusFeatures:
     """Crossings by rising frequency, and the points nearest to -1 in two senses.
 
-    `nearest` minimises |1 + L|, `disk` minimises 2 |1 + L| / |1 - L|; one point each, with these values.
+    `nearest` minimises |1 + L|, `disk` minimises 2 |1 + L| / |1 - L|; one point each, with these values. `doubtful`:
+    round-off or a touch leaves some of it open.
     """
 
     real_axis: Points
@@ -111,7 +113,8 @@ def locus_features(model: StateSpaceModel, fractions: PartialFractions | None = 
     fractions : PartialFractions, optional
         The same as a sum of partial fractions, if its poles are apart: quicker.
     """
-    return _Search(Locus(model, fractions)).run()
+    with np.errstate(all="ignore"):  # infinite next to a pole, 0/0 at an end: met where it happens
+        return _Search(Locus(model, fractions)).run()
 
 
 class _Search:
@@ -119,22 +122,25 @@ class _Search:
         self.locus = locus
         self.jobs = _Jobs()
         self.found: dict[int, list[tuple[float, complex]]] = {_REAL_AXIS: [], _UNIT_CIRCLE: []}
+        self.minima: dict[int, list[tuple[float, complex]]] = {_NEAREST: [], _DISK: []}
+        self.doubtful = locus.doubtful
 
     def run(self) -> LocusFeatures:
         intervals = self.locus.intervals()
-        grid = _Samples(intervals)
         self._ends()
-        self._on_boundary(intervals)
         undecided = self._sort_out(intervals)
         for _ in range(_MAX_SPLITS):
             if undecided.x0.size == 0 or undecided.x0.size > _MAX_OPEN:
                 break
             undecided = self._sort_out(self.locus.split(undecided))
         self._give_up(undecided)
-        self._queue_minima(grid)
-        nearest, disk = self._polish_all(grid)
-        distance, ratio = float(_distance(nearest.L)[0]), float(_disk_size(disk.L)[0])
-        return LocusFeatures(self._points(_REAL_AXIS), self._points(_UNIT_CIRCLE), nearest, disk, distance, 2.0 * ratio)
+        self._queue_minima(intervals)
+        self._polish_all()
+        nearest, distance = self._best(_NEAREST)
+        disk, ratio = self._best(_DISK)
+        return LocusFeatures(
+            self._points(_REAL_AXIS), self._points(_UNIT_CIRCLE), nearest, disk, distance, 2.0 * ratio, self.doubtful
+        )
 
     # Deciding
 
@@ -142,7 +148,7 @@ class _Search:
         """Queue a job for every interval that can be judged; return those to split."""
         P = v.P
         axis, axis_error = P.imag.copy(), v.error.copy()
-        biggest = np.abs(P).max(axis=1)
+        biggest = v.biggest
         # Some of it may be in the left half plane, and of a size that counts.
         left = (P.real.min(axis=1) <= v.error) & (biggest > FAINT)
         left &= np.minimum(np.abs(v.L0), np.abs(v.L1)) < HUGE
@@ -154,11 +160,12 @@ class _Search:
                 continue
             K, axis[i] = end.axis_coefficients(float(v.x1[i]), complex(v.L1[i]), complex(v.S1[i]))
             axis_error[i] = 4.0 * v.error_K[i] if v.error_K[i] == v.error_K[i] else FIRST_ERROR * np.abs(K).max()
-        circle = v.circle()
+        # A modulus of 1 or more can occur only where the coefficients reach as far.
+        outside = biggest + v.error >= 1.0
         circle_error = (2.0 * biggest + v.error) * v.error
 
         wait_axis = self._judge(_REAL_AXIS, v, v.check_axis & left, axis, axis_error)
-        wait_circle = self._judge(_UNIT_CIRCLE, v, v.check_circle, circle, circle_error)
+        wait_circle = self._judge(_UNIT_CIRCLE, v, v.check_circle & outside, v.square - 1.0, circle_error)
         again = wait_axis | wait_circle
         rest = v.take(again)
         rest.check_axis, rest.check_circle = wait_axis[again], wait_circle[again]
@@ -166,11 +173,14 @@ class _Search:
 
     def _judge(self, kind: int, v: Intervals, which: BoolArray, f: FloatArray, error: FloatArray) -> BoolArray:
         """Brackets and extrema from the Bernstein coefficients f, shape (m, degree + 1); returns what stays open."""
-        open_: BoolArray = which & (f.min(axis=1) <= error) & (f.max(axis=1) >= -error)
-        i = np.nonzero(open_)[0]
+        open_ = np.zeros(which.size, dtype=bool)
+        i = np.nonzero(which)[0]
+        if i.size:
+            f, error = f[i], error[i]
+            zero = (f.min(axis=1) <= error) & (f.max(axis=1) >= -error)
+            i, f, margin = i[zero], f[zero], error[zero][:, None]
         if i.size == 0:
             return open_
-        f, margin = f[i], error[i][:, None]
         positive = f[:, 0] >= 0.0
         crossed = positive != (f[:, -1] >= 0.0)
         slope = f[:, 1:] - f[:, :-1]
@@ -193,26 +203,20 @@ class _Search:
                 roots_of = f[what] if jobs_kind == kind else slope[what]
                 guess = v.x0[j] + (v.x1[j] - v.x0[j]) * _bernstein_root(roots_of)
                 self.jobs.add(jobs_kind, v.x0[j], v.x1[j], guess, sign[what], v.tail[j])
-        open_[i[bracket | turning | clear]] = False
+        open_[i[~(bracket | turning | clear)]] = True
         return open_
 
     def _give_up(self, v: Intervals) -> None:
-        """Intervals that no halving decides: bracket a sign change, else keep the nearer end if it touches."""
-        for i in range(v.x0.size):
-            x0, x1, tail = v.x0[i : i + 1], v.x1[i : i + 1], v.tail[i : i + 1]
-            for kind, check, f0, f1 in (
-                (_REAL_AXIS, v.check_axis[i], v.L0[i].imag / abs(v.L0[i] or 1), v.L1[i].imag / abs(v.L1[i] or 1)),
-                (_UNIT_CIRCLE, v.check_circle[i], abs(v.L0[i]) - 1.0, abs(v.L1[i]) - 1.0),
-            ):
-                if not check or v.from_end[i]:
-                    continue
-                if (f0 >= 0.0) != (f1 >= 0.0):
-                    self.jobs.add(kind, x0, x1, 0.5 * (x0 + x1), np.array([f0 >= 0.0]), tail)
-                elif min(abs(f0), abs(f1)) <= _TOUCH:
-                    x, L = (x0[0], v.L0[i]) if abs(f0) <= abs(f1) else (x1[0], v.L1[i])
-                    self._keep(kind, float(x), bool(tail[0]), complex(L))
-
-    # Rules for the ends and for loci that lie on a boundary over a whole band
+        """Intervals that no halving decides: bracket what changes sign, and say that there is doubt."""
+        if v.x0.size == 0:
+            return
+        self.doubtful = True
+        for kind, check, f0, f1 in (
+            (_REAL_AXIS, v.check_axis, v.L0.imag, v.L1.imag),
+            (_UNIT_CIRCLE, v.check_circle, np.abs(v.L0) - 1.0, np.abs(v.L1) - 1.0),
+        ):
+            i = np.nonzero(check & ~v.from_end & ((f0 >= 0.0) != (f1 >= 0.0)))[0]
+            self.jobs.add(kind, v.x0[i], v.x1[i], 0.5 * (v.x0[i] + v.x1[i]), f0[i] >= 0.0, v.tail[i])
 
     def _ends(self) -> None:
         for omega, end in ((0.0, self.locus.zero), (math.inf, self.locus.infinity)):
@@ -222,74 +226,104 @@ class _Search:
                 if abs(abs(end.K0) - 1.0) <= _TOUCH:
                     self.found[_UNIT_CIRCLE].append((omega, complex(end.K0)))
 
-    def _on_boundary(self, v: Intervals) -> None:
-        """A locus that lies on the circle or the negative axis over a band counts once, where it is nearest to -1."""
-        h = v.x1 - v.x0
-        on_axis, on_circle = np.ones(h.size, dtype=bool), np.ones(h.size, dtype=bool)
-        for L, S in ((v.L0, v.S0), (v.L1, v.S1)):
-            size = np.abs(L)
-            on_axis &= (np.abs(L.imag) <= _TOUCH * size) & (h * np.abs(S.imag) <= _FLAT * size) & (L.real <= 0.0)
-            on_circle &= (np.abs(size - 1.0) <= _TOUCH) & (h * np.abs((L.conj() * S).real) <= _FLAT)
-        if not (on_axis.any() or on_circle.any()):
-            return
-        with np.errstate(divide="ignore"):
-            for kind, band, cost in (
-                (_REAL_AXIS, on_axis, _decades),
-                (_UNIT_CIRCLE, on_circle, _turn),
-            ):
-                i = np.nonzero(band)[0]
-                if i.size:
-                    L = np.concatenate((v.L0[i], v.L1[i]))
-                    x = np.concatenate((v.x0[i], v.x1[i]))
-                    best = int(np.argmin(cost(L)))
-                    self._keep(kind, float(x[best]), bool(v.tail[i[best % i.size]]), complex(L[best]))
-        v.check_axis &= ~on_axis
-        v.check_circle &= ~on_circle
-
     # Polishing
 
-    def _queue_minima(self, grid: _Samples) -> None:
-        v = grid.intervals
-        locus = v.P @ basis(3)
-        step = (v.x1 - v.x0) / (GUESS_POINTS - 1)
-        # squares of `_distance` and `_disk_size`: only the smallest of each interval is worth a root
-        height = locus.imag**2
-        distance = (1.0 + locus.real) ** 2 + height
-        disk_size = distance / np.maximum((1.0 - locus.real) ** 2 + height, _EPS**2)
-        for kind, squares in ((_NEAREST, distance), (_DISK, disk_size)):
-            lowest = np.sqrt(squares.min(axis=1))
-            j = np.nonzero(lowest - np.minimum(v.error, 0.02 * lowest) <= lowest.min())[0]
-            at = squares[j].argmin(axis=1)
-            a = v.x0[j] + step[j] * np.maximum(at - 3, 0)
-            b = np.minimum(v.x0[j] + step[j] * (at + 3), v.x1[j])
-            if kind == _NEAREST:  # the exact slopes at the ends tell more than the interpolant
-                inside = ((1.0 + v.L0[j].conj()) * v.S0[j]).real < 0.0
-                inside &= ((1.0 + v.L1[j].conj()) * v.S1[j]).real > 0.0
-                a, b = np.where(inside, v.x0[j], a), np.where(inside, v.x1[j], b)
-            self.jobs.add(kind, a, b, v.x0[j] + step[j] * at, np.zeros(j.size, dtype=bool), v.tail[j])
+    def _queue_minima(self, v: Intervals) -> None:
+        """Queue every interval that may hold a point nearer to -1, in either sense, than the ends of all intervals."""
+        near, disk = math.inf, math.inf
+        wanted: BoolArray | None = None  # for which of the two senses an interval is still open; None: all are
+        for _ in range(_MAX_SPLITS):
+            near = min(near, self._best_end(v, _NEAREST) ** 2)
+            disk = min(disk, self._best_end(v, _DISK) ** 2)
+            # q = |1 + L|^2 - near or |1 + L|^2 - disk |1 - L|^2 is negative where L is better, give or take the slack
+            q = np.concatenate(
+                (v.square + v.twice_real + (1.0 - near), (1.0 - disk) * (v.square + 1.0) + (1.0 + disk) * v.twice_real)
+            )
+            slack = np.concatenate(
+                (
+                    v.bound * (2.0 * math.sqrt(near) + v.bound),
+                    v.bound * (2.0 * math.sqrt(disk) + v.bound + disk * (2.0 + 2.0 * v.biggest + v.bound)),
+                )
+            )
+            better = q.min(axis=1) < slack
+            i = np.nonzero(better if wanted is None else better & wanted)[0]
+            if i.size == 0:
+                return
+            f, margin = q[i], slack[i][:, None]
+            slope = f[:, 1:] - f[:, :-1]
+            bend = slope[:, 1:] - slope[:, :-1]
+            turns = (bend > margin).all(axis=1)
+            # A convex q is lowest inside only if its exact slopes at the ends say so; otherwise an end has it, which is
+            # not better. Where the ratio of the disk margin does not fall and rise like its q, halves will tell.
+            count = v.x0.size
+            row, second = i % count, i >= count
+            t = np.where(second, disk, 0.0)
+            bottom = turns & _valley(t, v, row)
+            clear = bottom & (~second | _valley(None, v, row))
+            if clear.any():
+                j = row[clear]
+                guess = v.x0[j] + (v.x1[j] - v.x0[j]) * _bernstein_root(slope[clear])
+                self.jobs.add(_NEAREST, v.x0[j], v.x1[j], guess, np.zeros(j.size, dtype=bool), v.tail[j])
+                self.jobs.kind[-j.size :] = [_DISK if yes else _NEAREST for yes in second[clear].tolist()]
+            rest = i[bottom & ~clear | ~(turns | (slope > margin).all(axis=1) | (slope < -margin).all(axis=1))]
+            if rest.size == 0:
+                return
+            if rest.size > _MAX_OPEN:
+                break
+            open_ = np.zeros((2, count), dtype=bool)
+            open_.reshape(-1)[rest] = True
+            keep: BoolArray = open_[0] | open_[1]
+            v = self.locus.split(v.take(keep))
+            wanted = np.tile(open_[:, keep], 2).reshape(-1)
+        self.doubtful = True
 
-    def _polish_all(self, grid: _Samples) -> tuple[Points, Points]:
-        minima: dict[int, list[tuple[float, complex]]] = {_NEAREST: [], _DISK: []}
+    def _best_end(self, v: Intervals, kind: int) -> float:
+        """The smallest value at the starts of these intervals and the last one's end: all ends, on the first grid."""
+        L = np.append(v.L0, v.L1[-1:])
+        values = _distance(L) if kind == _NEAREST else _disk_size(L)
+        i = int(values.argmin())
+        x = float(v.x0[i] if i < v.x0.size else v.x1[-1])
+        self.minima[kind].append((_omega(x, bool(v.tail[min(i, v.x0.size - 1)])), complex(L[i])))
+        return float(values[i])
+
+    def _best(self, kind: int) -> tuple[Points, float]:
+        """The best of the minima; nothing is nearer to -1 than it, no crossing either."""
+        best, point = math.inf, (math.inf, 0j)
+        for omega, L in self.minima[kind] + self.found[_REAL_AXIS] + self.found[_UNIT_CIRCLE]:
+            value = abs(1.0 + L)
+            if kind == _DISK:
+                value /= max(abs(1.0 - L), _EPS)
+            if value < best:
+                best, point = value, (omega, L)
+        return Points(np.array([point[0]]), np.array([point[1]])), best
+
+    def _polish_all(self) -> None:
         for _ in range(2):
             jobs, self.jobs = self.jobs, _Jobs()
             if not jobs.kind:
                 break
-            for i, (x, L, size) in enumerate(zip(*self._newton(jobs), strict=True)):
+            for i, (x, L, S, size) in enumerate(zip(*self._newton(jobs), strict=True)):
                 kind, tail = jobs.kind[i], jobs.tail[i]
-                if kind in minima:
-                    minima[kind].append((_omega(x, tail), L))
+                round_off = _EPS * size
+                if kind in self.minima:
+                    self.minima[kind].append((_omega(x, tail), L))
+                    self.doubtful |= round_off > _SURE * abs(1.0 + L)
                 elif kind in self.found:
                     if abs(L) > _NOISE * size:
                         self._keep(kind, x, tail, L)
+                    # how fast the locus goes through the axis or the circle, against the round-off of L
+                    speed = abs(S.imag) if kind == _REAL_AXIS else abs((L.conjugate() * S).real) / (abs(L) or 1.0)
+                    counts = kind == _UNIT_CIRCLE or -HUGE < L.real < -FAINT
+                    self.doubtful |= counts and round_off > _SURE * min(abs(L), x * speed)
                 else:
                     self._extremum(jobs, i, x, L, size)
-        return grid.best(minima[_NEAREST], _distance), grid.best(minima[_DISK], _disk_size)
 
     def _extremum(self, jobs: _Jobs, i: int, x: float, L: complex, size: float) -> None:
         """A touch, two crossings, or none, at the extremum x between ends where f has one sign."""
         kind = jobs.kind[i] - _AXIS_EXTREMUM
         f = L.imag if kind == _REAL_AXIS else abs(L) - 1.0
         if abs(f) <= (_TOUCH * abs(L) if kind == _REAL_AXIS else _TOUCH):
+            self.doubtful |= kind == _UNIT_CIRCLE or -HUGE < L.real < -FAINT
             if abs(L) > _NOISE * size:
                 self._keep(kind, x, jobs.tail[i], L)
             return
@@ -302,30 +336,31 @@ class _Search:
                     kind, np.array([a]), np.array([b]), middle, np.array([positive]), np.array([jobs.tail[i]])
                 )
 
-    def _newton(self, jobs: _Jobs) -> tuple[list[float], list[complex], list[float]]:
-        """Roots of all jobs: x, L and the size of its terms. The response is evaluated for all open jobs at once."""
+    def _newton(self, jobs: _Jobs) -> tuple[list[float], list[complex], list[complex], list[float]]:
+        """Roots of all jobs: x, L, dL/dx, size of L's terms. The response is evaluated for all open jobs at once."""
         count = len(jobs.kind)
         a, b, tail = list(jobs.a), list(jobs.b), np.array(jobs.tail)
         x = [min(max(guess, low), high) for guess, low, high in zip(jobs.guess, a, b, strict=True)]
-        L_at, size_at = [0j] * count, [0.0] * count
+        # The place of a minimum needs half the digits of its interval only: the function is flat there.
+        close = [1e-13 * high if kind in self.found else 1e-8 * (high - low)
+                 for kind, low, high in zip(jobs.kind, a, b, strict=True)]  # fmt: skip
+        L_at, S_at, size_at = [0j] * count, [0j] * count, [0.0] * count
         open_ = list(range(count))
         for step in range(_MAX_NEWTON):
             values = self.locus.second(np.array([x[i] for i in open_]), tail[open_])
             still = []
             for i, L, S, size, C in zip(open_, *(value.tolist() for value in values), strict=True):
-                kind = jobs.kind[i]
-                L_at[i], size_at[i] = L, size
-                g, dg = _equation(kind, L, S, C)
+                L_at[i], S_at[i], size_at[i] = L, S, size
+                g, dg = _equation(jobs.kind[i], L, S, C)
                 if (g >= 0.0) == jobs.positive_at_a[i]:
                     a[i] = x[i]
                 else:
                     b[i] = x[i]
-                # The place of a minimum needs half the digits only: the function is flat there.
-                tolerance = 1e-13 if kind in self.found else 1e-8
+                tolerance = close[i]
                 if step > 10:  # round-off keeps the last digits from settling
-                    tolerance = max(tolerance, min(1e-13 * 4.0 ** (step - 10), 1e-11))
+                    tolerance = max(tolerance, min(1e-13 * 4.0 ** (step - 10), 1e-11) * x[i])
                 move = g / dg if dg != 0.0 else math.inf
-                if abs(move) <= tolerance * x[i] or b[i] - a[i] <= 4.0 * _EPS * b[i]:
+                if abs(move) <= tolerance or b[i] - a[i] <= 4.0 * _EPS * b[i]:
                     continue
                 new = x[i] - move
                 x[i] = new if a[i] < new < b[i] else 0.5 * (a[i] + b[i])
@@ -333,7 +368,7 @@ class _Search:
             open_ = still
             if not open_:
                 break
-        return x, L_at, size_at
+        return x, L_at, S_at, size_at
 
     def _keep(self, kind: int, x: float, tail: bool, L: complex) -> None:
         if kind == _UNIT_CIRCLE or -HUGE < L.real < -FAINT:
@@ -369,24 +404,14 @@ def _equation(kind: int, L: complex, S: complex, C: complex) -> tuple[float, flo
     return (F * S).real, abs(S) ** 2 + (F * C).real
 
 
-class _Samples:
-    """The ends of the first intervals, for the minima of |1 + L| and of 2 |1 + L| / |1 - L|."""
+def _valley(t: FloatArray | None, v: Intervals, row: npt.NDArray[np.intp]) -> BoolArray:
+    """Whether |1 + L|^2 - t |1 - L|^2, or for None the ratio of the two squares, falls at x0 and rises at x1."""
 
-    def __init__(self, intervals: Intervals) -> None:
-        self.intervals = intervals
+    def slope(L: ComplexArray, S: ComplexArray) -> FloatArray:
+        L = L.conj()
+        return np.asarray(((1.0 - L * L if t is None else (1.0 - t) * L + (1.0 + t)) * S).real)
 
-    def best(self, polished: list[tuple[float, complex]], size: Callable[[ComplexArray], FloatArray]) -> Points:
-        """The smallest of the polished minima and of the samples."""
-        v = self.intervals
-        L = np.concatenate(([L for _, L in polished], v.L0, v.L1))
-        i = int(size(L).argmin())
-        if i < len(polished):
-            omega = polished[i][0]
-        else:
-            k = (i - len(polished)) % v.x0.size
-            x = v.x0 if i - len(polished) < v.x0.size else v.x1
-            omega = _omega(float(x[k]), bool(v.tail[k]))
-        return Points(np.array([omega]), L[i : i + 1])
+    return (slope(v.L0[row], v.S0[row]) < 0.0) & (slope(v.L1[row], v.S1[row]) > 0.0)
 
 
 def _omega(x: float, tail: bool) -> float:
@@ -399,11 +424,3 @@ def _distance(L: ComplexArray) -> FloatArray:
 
 def _disk_size(L: ComplexArray) -> FloatArray:
     return np.abs(1.0 + L) / np.maximum(np.abs(1.0 - L), _EPS)
-
-
-def _decades(L: ComplexArray) -> FloatArray:
-    return np.abs(np.log(np.abs(L)))
-
-
-def _turn(L: ComplexArray) -> FloatArray:
-    return np.abs(np.angle(-L))

@@ -26,16 +26,24 @@ _EPS = float(np.finfo(float).eps)
 _SPACING = 0.25  # grid spacing over distance to the nearest pole; interpolation error about spacing^4 / 16 of a residue
 FIRST_ERROR = 0.03  # assumed interpolation error on the first grid, relative to the largest coefficient
 _AXIS = 1e-10  # a pole this close to the imaginary axis, relative to its modulus, is on it
+_MOST_ORDER = 20  # of zeros at omega = 0 or infinity that are divided out
+_FELT = 1e-7  # relative error of a pole's distance from the axis that margins may show
 _VANISHING = 1e-12  # a moment below this fraction of what its terms' moduli could give is zero
 
 _NEAR_END = np.array([1.0 / 64.0, 1.0 / 8.0, 1.0 / 2.0])  # extra points of the first interval and of the tail
 GUESS_POINTS = 33  # samples of an interpolant on one interval, for first guesses
+
+# A term r / (j omega - p) has the fourth derivative 24 r / (j omega - p)^5, and a cubic Hermite interpolant on a step h
+# the error h^4 / 384 times that; _TAIL is the same for the tail's intervals, where h is at most half of t.
+_FOURTH, _FOURTH_DOUBLE, _TAIL = 24.0 / 384.0, 120.0 / 384.0, 1e-3
 
 # |P|^2 of a cubic with Bernstein coefficients p has the degree-6 coefficients sum_ij SQUARE[4 i + j, k] p_i conj(p_j).
 _SQUARE = np.zeros((16, 7))
 for _i in range(4):
     for _j in range(4):
         _SQUARE[4 * _i + _j, _i + _j] = math.comb(3, _i) * math.comb(3, _j) / math.comb(6, _i + _j)
+_RAISE = 2.0 * np.array([[math.comb(3, i) * math.comb(3, k - i) / math.comb(6, k) if 0 <= k - i <= 3 else 0.0
+                          for k in range(7)] for i in range(4)])  # fmt: skip
 
 
 @dataclass
@@ -50,13 +58,14 @@ class Intervals:
     L1: ComplexArray
     S1: ComplexArray
     error: FloatArray  # assumed interpolation error of L
+    bound: FloatArray  # what it cannot exceed, where poles and residues are known
     from_end: BoolArray  # starts at x = 0, that is at omega = 0 or at infinity
     error_K: FloatArray  # the same for K of End, where from_end
     check_axis: BoolArray
     check_circle: BoolArray
 
-    def take(self, which: BoolArray) -> Intervals:
-        """The intervals that `which` marks. `which` has shape (n,), one per interval."""
+    def take(self, which: BoolArray | npt.NDArray[np.intp]) -> Intervals:
+        """The intervals that `which` marks, shape (n,), or numbers, shape (m,)."""
         return Intervals(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
     @cached_property
@@ -69,10 +78,23 @@ class Intervals:
         P[:, 2] = self.L1 - third * self.S1
         return P
 
-    def circle(self) -> FloatArray:
-        """Bernstein coefficients of |interpolant|^2 - 1, shape (m, 7)."""
+    @cached_property
+    def biggest(self) -> FloatArray:
+        """Largest modulus of the Bernstein coefficients, shape (m,): a bound of the interpolant."""
+        largest: FloatArray = np.abs(self.P).max(axis=1)
+        return largest
+
+    @cached_property
+    def square(self) -> FloatArray:
+        """Bernstein coefficients of |interpolant|^2, shape (m, 7)."""
         products: FloatArray = (self.P[:, :, None] * self.P.conj()[:, None, :]).real.reshape(-1, 16)
-        return products @ _SQUARE - 1.0
+        return products @ _SQUARE
+
+    @cached_property
+    def twice_real(self) -> FloatArray:
+        """Bernstein coefficients of twice the interpolant's real part, raised to degree 6, shape (m, 7)."""
+        raised: FloatArray = self.P.real @ _RAISE
+        return raised
 
 
 @cache
@@ -135,6 +157,9 @@ class Locus:
         modulus = np.abs(self.poles)
         self.top_pole = float(modulus.max())
         self.at_origin = modulus <= _AXIS * self.top_pole
+        # Poles come with round-off of about n eps times the largest: light or slow ones must feel little of it.
+        sigma = np.where(modulus == 0.0, np.inf, np.abs(self.poles.real))
+        self.doubtful = bool(self.poles.size * _EPS * self.top_pole > _FELT * sigma.min())
         self.infinity = self._end_at_infinity()
         self.zero: End | None = None
         if not self.at_origin.any():
@@ -142,6 +167,7 @@ class Locus:
                 self.zero = self._end_at_zero(np.asarray(np.linalg.inv(model.A), dtype=float))
             except np.linalg.LinAlgError:  # singular: the eigenvalue at the origin came with round-off
                 self.at_origin[modulus.argmin()] = True
+        self.doubtful |= self.infinity is None or (self.zero is None and not self.at_origin.any())
 
     def first(self, x: FloatArray, tail: BoolArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """L, dL/dx, and the sum of the moduli of the terms of L (for its round-off), each shape (m,)."""
@@ -223,7 +249,7 @@ class Locus:
         model = self.model
         v, bound, size = model.B, np.abs(model.B), np.abs(inverse)
         found: float | None = None
-        for i in range(model.n_states + 2):
+        for i in range(min(model.n_states, _MOST_ORDER) + 2):
             v, bound = inverse @ v, size @ bound
             direct = model.D if i == 0 else 0.0
             moment = direct - float(model.C @ v)
@@ -239,7 +265,7 @@ class Locus:
         v, bound, size = model.B, np.abs(model.B), np.abs(model.A)
         if model.D != 0.0:
             return End(-1j, 0, model.D, float(model.C @ v))
-        for i in range(1, model.n_states + 1):
+        for i in range(1, min(model.n_states, _MOST_ORDER) + 1):
             moment, small = float(model.C @ v), _VANISHING * float(np.abs(model.C) @ bound)
             v, bound = model.A @ v, size @ bound
             if abs(moment) > small:
@@ -255,8 +281,8 @@ class Locus:
         crossover = low * gain ** (1.0 / k) if gain > 0.0 and math.isfinite(gain) else low
         return min(low, 1e-3 * crossover), max(self.top_pole / _SPACING, 0.0 if others.size else 1e3 * crossover)
 
-    def _grid(self) -> tuple[FloatArray, FloatArray]:
-        """Frequencies [rad/s], and the modulus of each pole on the imaginary axis (where L is infinite)."""
+    def _grid(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Frequencies [rad/s], their distance to the nearest pole, and the moduli of the poles on the axis."""
         start, top = 0.0, self.top_pole / _SPACING
         poles = self.poles[~self.at_origin & (self.poles.imag >= 0.0)]  # a conjugate has the same grid
         w0, modulus = np.abs(poles.imag), np.abs(poles)
@@ -279,39 +305,73 @@ class Locus:
         order = np.argsort(w)
         w, nearest = w[order], nearest[order]
         # Grids of neighbouring poles interleave: keep one point for each half of the wanted spacing.
-        step = np.cumsum(np.diff(w, prepend=start) / (_SPACING * nearest))
-        w = w[np.diff(np.floor(2.0 * step), prepend=0.0) > 0.0]
-        return np.concatenate(([start], w[w < 0.9 * top], [top])), on_axis
+        step = w.copy()
+        step[1:] -= w[:-1]
+        step[:1] -= start
+        halves = np.floor(2.0 * np.cumsum(step / (_SPACING * nearest)))
+        kept = np.concatenate((halves[:1] > 0.0, halves[1:] > halves[:-1])) & (w < 0.9 * top)
+        d_start = start if start > 0.0 else float(np.abs(self.poles).min())
+        return (
+            np.concatenate(([start], w[kept], [top])),
+            np.concatenate(([d_start], nearest[kept], [top - self.top_pole])),
+            on_axis,
+        )
 
     def intervals(self) -> Intervals:
         """The whole axis, 0 to infinity, without the pieces that hold a pole on the axis."""
-        w, on_axis = self._grid()
+        w, d, on_axis = self._grid()
         if on_axis.size:
-            w = w[np.abs(w[:, None] - on_axis).min(axis=1) > 0.0]
+            off = np.abs(w[:, None] - on_axis).min(axis=1) > 0.0
+            w, d = w[off], d[off]
         if self.zero is not None:
-            w = np.concatenate(([0.0], _NEAR_END * w[1], w[1:]))
+            near = _NEAR_END * w[1]
+            w, d = np.concatenate(([0.0], near, w[1:])), np.concatenate((d[:1], d[0] - near, d[1:]))
         t = np.concatenate(([0.0], _NEAR_END, [1.0])) / w[-1]
         x = np.concatenate((w, t))
         tail = np.arange(x.size) >= w.size
         with np.errstate(all="ignore"):
-            L, S, _ = self.first(x, tail)
+            L, S, terms = self.first(x, tail)
         if self.zero is not None:
             L[0], S[0] = self.zero.start()
         L[w.size], S[w.size] = self.infinity.start() if self.infinity is not None else (0j, 0j)
-        start = np.delete(np.arange(x.size - 1), w.size - 1)  # no interval from the last omega to the first t
+        start = np.arange(x.size - 2)
+        start[w.size - 1 :] += 1  # no interval from the last omega to the first t
         stop = start + 1
         x0, x1, tail = x[start], x[stop], tail[start]
         L0, S0, L1, S1 = L[start], S[start], L[stop], S[stop]
         from_end = x0 == 0.0
         size = np.maximum(np.abs(L0), np.abs(L1)) + (x1 - x0) * np.maximum(np.abs(S0), np.abs(S1)) / 3.0
+        error = bound = FIRST_ERROR * size
+        if self.fractions is not None:
+            bound = self._bound(x, d, start, terms)
+            error = np.minimum(error, bound)
         yes = np.ones(x0.size, dtype=bool)
         intervals = Intervals(
-            x0, x1, tail, L0, S0, L1, S1, FIRST_ERROR * size, from_end, np.full(x0.size, np.nan), yes, yes.copy()
+            x0, x1, tail, L0, S0, L1, S1, error, bound, from_end, np.full(x0.size, np.nan), yes, yes.copy()
         )
         keep = np.isfinite(L0) & np.isfinite(L1) & np.isfinite(S0) & np.isfinite(S1)
         for pole in on_axis:
             keep &= tail | (x1 < pole) | (x0 > pole)
         return intervals if keep.all() else intervals.take(keep)
+
+    def _bound(self, x: FloatArray, d: FloatArray, start: npt.NDArray[np.intp], terms: FloatArray) -> FloatArray:
+        """Bound of the interpolation error from x[start] to x[start + 1].
+
+        d are the distances to the nearest pole, one for each point before the tail; `terms` the sums of moduli.
+        """
+        f = self.fractions
+        assert f is not None
+        error = _TAIL * terms[start + 1]
+        m = d.size - 1  # intervals before the tail
+        # from the end that is farther from the poles
+        i = np.arange(m) + (d[:-1] <= d[1:])
+        share = np.minimum((x[1 : m + 1] - x[:m]) / np.maximum(d[i], 1e-300), 0.999)
+        rest = 1.0 - share
+        power = share**4 / rest**5
+        error[:m] = _FOURTH * power * terms[i]
+        if f.second != 0.0:
+            error[:m] += _FOURTH_DOUBLE * abs(f.second) * power / (rest * np.abs(1j * x[i] - f.poles[0]) ** 2)
+        return error
 
     def end_of(self, tail: bool) -> End | None:
         """What is known of L at the end x = 0 of the axis or of the tail."""
@@ -321,9 +381,10 @@ class Locus:
         """Both halves of every interval, with the interpolation error measured at the middle."""
         x = 0.5 * (v.x0 + v.x1)
         L, S, size = self.first(x, v.tail)
-        P = v.P
-        error = np.abs(L - (P[:, 0] + 3.0 * P[:, 1] + 3.0 * P[:, 2] + P[:, 3]) / 8.0)
-        child_error = 0.25 * error + _EPS * size
+        # An error measured at the middle falls 16 times with each halving, and gets a factor of 4 to be safe.
+        P, round_off = v.P, 8.0 * _EPS * size
+        error = 0.25 * np.abs(L - (P[:, 0] + 3.0 * (P[:, 1] + P[:, 2]) + P[:, 3]) / 8.0) + round_off
+        bound = v.bound / 16.0 + round_off if self.fractions is not None else error
         error_K = np.full(x.size, np.nan)
         for i in np.nonzero(v.from_end)[0]:
             end = self.end_of(bool(v.tail[i]))
@@ -346,7 +407,8 @@ class Locus:
             two(v.S0, S),
             two(L, v.L1),
             two(S, v.S1),
-            two(child_error, child_error),
+            two(error, error),
+            two(bound, bound),
             two(v.from_end, no),
             two(error_K, error_K),
             two(v.check_axis, v.check_axis),

@@ -13,16 +13,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import lapack
 
 from pilotgen.errors import PilotgenError
 from pilotgen.linear.exact import Rational, quotient, rational
-from pilotgen.linear.partial_fractions import PartialFractions
+from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.crossings import LocusFeatures, Points, constant_features, locus_features
+from pilotgen.loop.crossings import LocusFeatures, constant_features, locus_features
 from pilotgen.loop.frequency_data import FrequencyAnswer, FrequencyData, from_data
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.verified import affordable, verified
+
+REAL_AXIS, UNIT_CIRCLE = "real axis", "unit circle"
 
 _TWO_PI = 2.0 * math.pi
 _EPS = float(np.finfo(float).eps)
@@ -64,8 +66,7 @@ class Margins:
     Parameters
     ----------
     stable : bool or None
-        All closed-loop eigenvalues lie in the open left half plane; None if that cannot be told (`largest_real_part`
-        says why), and then gain, phase, delay and disk margin are NaN.
+        All closed-loop eigenvalues lie in the open left half plane; None if that cannot be told.
     gain_margin_db, gain_margin_hz : float, float or None
         Smallest |20 log10 |L|| over the real-axis crossings; negative if not stable.
     phase_margin_deg, phase_margin_hz : float, float or None
@@ -78,6 +79,8 @@ class Margins:
         Balanced disk margin alpha = min 2 |1 + L| / |1 - L|; 0 if not stable.
     crossings : tuple of Crossing
         All of them, by rising frequency.
+    not_told : str
+        Empty, or why gain, phase, delay and disk margin cannot be told; they are NaN then.
     largest_real_part : tuple of float, optional
         Where stability cannot be told: an interval [rad/s] that holds the largest real part of the closed-loop
         eigenvalues, zero included.
@@ -95,6 +98,7 @@ class Margins:
     disk_margin: float
     disk_margin_hz: float
     crossings: tuple[Crossing, ...]
+    not_told: str = ""
     largest_real_part: tuple[float, float] | None = None
 
     @property
@@ -111,7 +115,7 @@ class Margins:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-ready values; None where a margin or frequency is infinite, absent or not told."""
-        told = {
+        told: dict[str, Any] = {
             "stable": self.stable,
             "gain_margin_db": _json(self.gain_margin_db),
             "gain_margin_hz": _json(self.gain_margin_hz),
@@ -132,7 +136,11 @@ class Margins:
                 for crossing in self.crossings
             ],
         }
-        return told if self.largest_real_part is None else {**told, "largest_real_part": list(self.largest_real_part)}
+        if self.not_told:
+            told["not_told"] = self.not_told
+        if self.largest_real_part is not None:
+            told["largest_real_part"] = list(self.largest_real_part)
+        return told
 
 
 def margins(loop: LoopModel | StateSpaceModel) -> Margins:
@@ -140,7 +148,7 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
 
     A LoopModel, a pilot on a rotorcraft, is judged in double precision with error bounds; whatever these leave open is
     handed to exact arithmetic. A StateSpaceModel may be anything: it goes to exact arithmetic at once. Loops too large
-    for that keep the answer of double precision; where it cannot tell stability, `stable` is None.
+    for that keep the answer of double precision; what it cannot tell is not told (`Margins.not_told`).
 
     Parameters
     ----------
@@ -153,25 +161,49 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
         The loop's eigenvalues cannot be computed.
     """
     if isinstance(loop, LoopModel):
-        model, fractions, quick = loop.open_loop, loop.partial_fractions, True
+        model, fractions = loop.open_loop, loop.partial_fractions
     else:
-        model, fractions, quick = loop, None, False
+        model, fractions = loop, None
     exact = affordable(model)
-    if quick or not exact:
-        largest = largest_real_part(model)
-        features = _features(model, fractions)
-        told = largest is None or not largest[0] <= 0.0 <= largest[1]
-        if (told and not features.doubtful) or not exact:
-            stable = (largest is not None and largest[1] < 0.0) if told else None
-            return _margins(model.D, stable, features, None if told else largest)
-    return exact_margins(rational(model))
+    if exact and fractions is None:
+        return exact_margins(rational(model))
+    largest = largest_real_part(model)
+    features = _features(model, fractions)
+    why, stable, interval = "", False, None
+    if largest is not None:
+        stable = largest[1] < 0.0
+        if largest[0] <= 0.0 <= largest[1]:
+            interval = largest
+            why = (
+                f"in double precision the largest real part of the closed loop lies between {largest[0]:.3g} and "
+                f"{largest[1]:.3g} rad/s"
+            )
+    if features.doubtful and not why:
+        why = "the locus touches the unit circle or the real axis, or passes -1, within round-off"
+    if not why:
+        return _margins(model.D, stable, features)
+    if exact:
+        return exact_margins(rational(model))
+    why += f", and {model.n_states} states with such entries are too many for exact arithmetic"
+    return _margins(model.D, None if interval else stable, features, why, interval)
+
+
+def _features(model: StateSpaceModel, fractions: PartialFractions | None) -> LocusFeatures:
+    if model.n_states == 0 or not model.B.any() or not model.C.any():
+        return constant_features(model.D)
+    if fractions is None:
+        poles, residues = poles_and_residues(model.A, model.B, model.C)
+        if residues is not None:
+            sum_of_terms = PartialFractions(poles, residues, model.D)
+            fractions = sum_of_terms if sum_of_terms.apart else None
+    return locus_features(model, fractions)
 
 
 def exact_margins(loop: Rational) -> Margins:
     """All margins of a loop num / den closed with unity negative feedback, by exact arithmetic."""
     answer = verified(loop)
     D = quotient(loop.num[-1], loop.den[-1]) if len(loop.num) == len(loop.den) else 0.0
-    return _margins(D, answer.stable, answer.features, None)
+    return _margins(D, answer.stable, answer.features)
 
 
 def data_margins(data: FrequencyData) -> tuple[Margins, FrequencyAnswer]:
@@ -180,30 +212,25 @@ def data_margins(data: FrequencyData) -> tuple[Margins, FrequencyAnswer]:
     `stable` is None, and with it the margins NaN, where the data do not tell; the answer's `reason` says why.
     """
     answer = from_data(data)
-    return _margins(0.0, answer.stable, answer.features, None), answer
+    return _margins(0.0, answer.stable, answer.features, answer.reason), answer
 
 
-def _features(model: StateSpaceModel, fractions: PartialFractions | None) -> LocusFeatures:
-    if model.n_states == 0 or not model.B.any() or not model.C.any():
-        return constant_features(model.D)
-    return locus_features(model, fractions)
-
-
-def _margins(D: float, stable: bool | None, features: LocusFeatures, interval: tuple[float, float] | None) -> Margins:
-    sign = math.nan if stable is None else 1.0 if stable else -1.0
-    none = math.nan if stable is None else 0.0
-    axis, circle = features.real_axis, features.unit_circle
-    gain, gain_hz = math.inf, None
-    if axis.L.size:
-        decibels = np.abs(20.0 * np.log10(np.abs(axis.L)))
-        i = int(decibels.argmin())
-        gain, gain_hz = float(decibels[i]), float(axis.omega[i]) / _TWO_PI
-    phase, phase_hz = math.inf, None
-    if circle.L.size:
-        degrees = np.degrees(np.abs(np.angle(-circle.L)))
-        i = int(degrees.argmin())
-        phase, phase_hz = float(degrees[i]), float(circle.omega[i]) / _TWO_PI
-    delay, delay_hz = _delay_margin(D, circle) if stable else (none, None)
+def _margins(
+    D: float,
+    stable: bool | None,
+    features: LocusFeatures,
+    not_told: str = "",
+    interval: tuple[float, float] | None = None,
+) -> Margins:
+    sign = math.nan if not_told else 1.0 if stable else -1.0
+    none = math.nan if not_told else 0.0
+    crossings = _crossings(features)
+    axis = [c for c in crossings if c.kind == REAL_AXIS]
+    circle = [c for c in crossings if c.kind == UNIT_CIRCLE]
+    gain, gain_hz = min(((abs(c.gain_db), c.frequency_hz) for c in axis), default=(math.inf, None))
+    phase, phase_hz = min(((abs(c.phase_deg), c.frequency_hz) for c in circle), default=(math.inf, None))
+    told = stable and not not_told
+    delay, delay_hz = _delay_margin(D, circle) if told else (none, None)
     return Margins(
         stable=stable,
         gain_margin_db=sign * gain,
@@ -214,9 +241,10 @@ def _margins(D: float, stable: bool | None, features: LocusFeatures, interval: t
         modulus_margin_hz=float(features.nearest.omega[0]) / _TWO_PI,
         delay_margin_s=delay,
         delay_margin_hz=delay_hz,
-        disk_margin=features.alpha if stable else none,
+        disk_margin=features.alpha if told else none,
         disk_margin_hz=float(features.disk.omega[0]) / _TWO_PI,
-        crossings=_crossings(axis, circle),
+        crossings=crossings,
+        not_told=not_told,
         largest_real_part=interval,
     )
 
@@ -228,39 +256,46 @@ def largest_real_part(model: StateSpaceModel) -> tuple[float, float] | None:
 
     None if the loop is ill-posed, 1 + L(infinity) = 0. The eigenvalues come with round-off: those computed belong to a
     matrix that differs by n eps times its norm, and move by that times the condition of the eigenvectors at most
-    (Bauer and Fike). Defective eigenvalues therefore give a wide interval, and so do fast ones beside slow ones.
+    (Bauer and Fike), or, where the eigenvectors are nearly dependent, by Elsner's bound. Defective eigenvalues give a
+    wide interval, and so do fast ones beside slow ones.
     """
     if model.D == -1.0:
         return None
     n = model.n_states
     if n == 0:
         return -math.inf, -math.inf
+    # LAPACK directly: numpy's wrappers cost as much again
+    A, _, _, _, _ = lapack.dgebal(model.A - model.B[:, None] * (model.C / (1.0 + model.D)), scale=1, permute=0)
+    real, _, _, V, failed = lapack.dgeev(A, compute_vl=0)
+    if failed:
+        raise PilotgenError("the closed loop's eigenvalues cannot be computed: LAPACK's iteration does not converge")
+    # In the basis of the vectors' real and imaginary parts A is normal (blocks [a b; -b a]), as the theorem wants.
+    norm = math.sqrt(float((A * A).sum()))
     try:
-        A, _ = scipy.linalg.matrix_balance(model.A - model.B[:, None] * (model.C / (1.0 + model.D)), permute=False)
-        poles, vectors = np.linalg.eig(A)
-    except np.linalg.LinAlgError as error:
-        raise PilotgenError(f"the closed loop's eigenvalues cannot be computed: {error}") from error
-    reach = n * _EPS * float(np.linalg.norm(A)) * float(np.linalg.cond(vectors))
-    top = float(poles.real.max())
+        with np.errstate(over="ignore"):
+            condition = math.sqrt(float((V * V).sum() * (np.linalg.inv(V) ** 2).sum()))
+    except np.linalg.LinAlgError:
+        condition = math.inf
+    top, reach = float(real.max()), norm * min(n * _EPS * condition, 2.0 * (n * _EPS) ** (1.0 / n))
     return top - reach, top + reach
 
 
-def _delay_margin(D: float, circle: Points) -> tuple[float, float | None]:
+def _delay_margin(D: float, circle: list[Crossing]) -> tuple[float, float | None]:
     """Smallest delay [s] that turns a unit-circle crossing into -1, omega tau = angle(-L) modulo 2 pi; where [Hz]."""
     if abs(D) >= 1.0:
         return 0.0, math.inf  # the gain does not fall below 1: any delay destabilises at a high enough frequency
     delays = [
-        ((math.atan2(-L.imag, -L.real) % _TWO_PI) / omega, omega / _TWO_PI)
-        for omega, L in zip(circle.omega.tolist(), circle.L.tolist(), strict=True)
-        if omega > 0.0
+        ((math.radians(c.phase_deg) % _TWO_PI) / (_TWO_PI * c.frequency_hz), c.frequency_hz)
+        for c in circle
+        if c.frequency_hz > 0.0
     ]
     return min(delays, default=(math.inf, None))
 
 
-def _crossings(axis: Points, circle: Points) -> tuple[Crossing, ...]:
+def _crossings(features: LocusFeatures) -> tuple[Crossing, ...]:
     found = [
         Crossing(kind, omega / _TWO_PI, L)
-        for kind, points in (("real axis", axis), ("unit circle", circle))
+        for kind, points in ((REAL_AXIS, features.real_axis), (UNIT_CIRCLE, features.unit_circle))
         for omega, L in zip(points.omega.tolist(), points.L.tolist(), strict=True)
     ]
     return tuple(sorted(found, key=lambda crossing: crossing.frequency_hz))

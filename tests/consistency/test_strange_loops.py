@@ -19,8 +19,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from pilotgen.linear.exact import rational
+from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.margins import Margins, margins
+from pilotgen.loop.crossings import locus_features
+from pilotgen.loop.locus import Locus
+from pilotgen.loop.margins import Margins, largest_real_part, margins
+from pilotgen.loop.verified import verified
 
 CASES = Path(__file__).parents[1] / "data" / "strange_loops"
 TWO_PI = 2.0 * math.pi
@@ -209,3 +214,67 @@ def test_random_strange_loops_against_mpmath(seed: int) -> None:
     with mp.workdps(90):
         right = right_answer(exactly(model))
     check(margins(model), {**right, "real_axis": [(float(w), L) for w, L in right["real_axis"]]})
+
+
+# ---- the quick mode: right, or in doubt
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_quick_mode_is_right_or_in_doubt(part: int) -> None:
+    sure = 0
+    for seed in range(25):
+        model = strange(np.random.default_rng([77, part, seed]))
+        poles, residues = poles_and_residues(model.A, model.B, model.C)
+        if residues is None or not PartialFractions(poles, residues, model.D).apart:
+            continue
+        quick = locus_features(model, PartialFractions(poles, residues, model.D))
+        largest = largest_real_part(model)
+        assert largest is not None
+        if quick.doubtful or largest[0] <= 0.0 <= largest[1]:
+            continue
+        sure += 1
+        right = verified(rational(model))
+        assert right.stable == (largest[1] < 0.0)
+        assert quick.distance == pytest.approx(right.features.distance, rel=1e-6)
+        assert quick.alpha == pytest.approx(right.features.alpha, rel=1e-6)
+        for mine, wanted in (
+            (quick.real_axis, right.features.real_axis),
+            (quick.unit_circle, right.features.unit_circle),
+        ):
+            np.testing.assert_allclose(mine.omega, wanted.omega, rtol=1e-6)
+            np.testing.assert_allclose(mine.L, wanted.L, rtol=1e-5)
+    assert sure >= 15
+
+
+def test_quick_mode_notices_what_it_cannot_do() -> None:
+    """The certified loops on which double precision fails are in doubt; the answer then is the exact one."""
+    for name in ("quadruple_mode_1e-6", "triple_mode_1e-6_unstable", "slow_light_mode_fast_lags", "butterworth12_dc1"):
+        model, right = case(CASES / f"{name}.json")
+        largest = largest_real_part(model)
+        assert largest is not None
+        assert largest[0] <= float(right["largest_real_part"]) <= largest[1]
+        assert largest[0] <= 0.0 <= largest[1] or locus_features(model).doubtful
+
+
+def test_interpolation_error_keeps_its_bound() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        n = int(rng.integers(1, 6))
+        omega, zeta = 10.0 ** rng.uniform(-1.0, 1.5, n), 10.0 ** rng.uniform(-4.0, -0.1, n)
+        poles = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+        residues = rng.normal(size=n) + 1j * rng.normal(size=n)
+        slow = -(10.0 ** rng.uniform(-1.0, 1.0))
+        fractions = PartialFractions(
+            np.concatenate(([slow], poles, poles.conj())),
+            np.concatenate(([rng.normal()], residues, residues.conj())),
+            rng.normal(),
+            rng.normal(),
+        )
+        model = StateSpaceModel(np.diag([slow] * (2 * n + 2)), np.ones(2 * n + 2), np.ones(2 * n + 2), 0.0)
+        locus = Locus(model, fractions)  # only its partial fractions are asked here
+        v = locus.intervals()
+        for u in (0.2, 0.5, 0.8):
+            L, _, _ = locus.first(v.x0 + u * (v.x1 - v.x0), v.tail)
+            basis = np.array([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u * u * (1 - u), u**3])
+            inside = ~v.from_end  # the model of the ends is not the fractions' here
+            assert (np.abs(v.P @ basis - L) <= v.bound + 1e-13)[inside].all()
