@@ -14,7 +14,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from pilotgen.linear.partial_fractions import PartialFractions
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
@@ -256,16 +255,23 @@ class _Search:
             # A convex q is lowest inside only if its exact slopes at the ends say so; otherwise an end has it, which is
             # not better. Where the ratio of the disk margin does not fall and rise like its q, halves will tell.
             count = v.x0.size
-            row, second = i % count, i >= count
-            t = np.where(second, disk, 0.0)
-            bottom = turns & _valley(t, v, row)
-            clear = bottom & (~second | _valley(None, v, row))
-            if clear.any():
-                j = row[clear]
-                guess = v.x0[j] + (v.x1[j] - v.x0[j]) * _bernstein_root(slope[clear])
-                self.jobs.add(_NEAREST, v.x0[j], v.x1[j], guess, np.zeros(j.size, dtype=bool), v.tail[j])
-                self.jobs.kind[-j.size :] = [_DISK if yes else _NEAREST for yes in second[clear].tolist()]
-            rest = i[bottom & ~clear | ~(turns | (slope > margin).all(axis=1) | (slope < -margin).all(axis=1))]
+            monotone = (slope > margin).all(axis=1) | (slope < -margin).all(axis=1)
+            split: BoolArray = np.logical_not(turns | monotone)
+            bottom: dict[int, list[int]] = {_NEAREST: [], _DISK: []}
+            for k in np.nonzero(turns)[0].tolist():
+                kind, row = (_NEAREST, i[k]) if i[k] < count else (_DISK, i[k] - count)
+                ends = complex(v.L0[row]), complex(v.S0[row]), complex(v.L1[row]), complex(v.S1[row])
+                if _valley(0.0 if kind == _NEAREST else disk, *ends):
+                    if kind == _NEAREST or _valley(None, *ends):
+                        bottom[kind].append(k)
+                    else:
+                        split[k] = True
+            for kind, found in bottom.items():
+                if found:
+                    j = i[found] % count
+                    guess = v.x0[j] + (v.x1[j] - v.x0[j]) * _bernstein_root(slope[found])
+                    self.jobs.add(kind, v.x0[j], v.x1[j], guess, np.zeros(j.size, dtype=bool), v.tail[j])
+            rest = i[split]
             if rest.size == 0:
                 return
             if rest.size > _MAX_OPEN:
@@ -404,14 +410,12 @@ def _equation(kind: int, L: complex, S: complex, C: complex) -> tuple[float, flo
     return (F * S).real, abs(S) ** 2 + (F * C).real
 
 
-def _valley(t: FloatArray | None, v: Intervals, row: npt.NDArray[np.intp]) -> BoolArray:
-    """Whether |1 + L|^2 - t |1 - L|^2, or for None the ratio of the two squares, falls at x0 and rises at x1."""
-
-    def slope(L: ComplexArray, S: ComplexArray) -> FloatArray:
-        L = L.conj()
-        return np.asarray(((1.0 - L * L if t is None else (1.0 - t) * L + (1.0 + t)) * S).real)
-
-    return (slope(v.L0[row], v.S0[row]) < 0.0) & (slope(v.L1[row], v.S1[row]) > 0.0)
+def _valley(t: float | None, L0: complex, S0: complex, L1: complex, S1: complex) -> bool:
+    """Whether |1 + L|^2 - t |1 - L|^2, or for None their ratio, falls at one end and rises at the other."""
+    L0, L1 = L0.conjugate(), L1.conjugate()
+    if t is None:
+        return ((1.0 - L0 * L0) * S0).real < 0.0 < ((1.0 - L1 * L1) * S1).real
+    return (((1.0 - t) * L0 + 1.0 + t) * S0).real < 0.0 < (((1.0 - t) * L1 + 1.0 + t) * S1).real
 
 
 def _omega(x: float, tail: bool) -> float:
