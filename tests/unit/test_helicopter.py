@@ -6,13 +6,16 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pilotgen.evaluation import EvaluationContext, evaluate
 from pilotgen.figures import rotorcraft_bode
 from pilotgen.loop.heave_model import HeaveModel, rotorcraft_report
 from pilotgen.study.rotorcraft import load_rotorcraft
+from pilotgen.study.study import study_from_text
 
 OMEGA = 2.0 * math.pi * np.geomspace(0.01, 30.0, 23)
 
@@ -89,3 +92,13 @@ def test_figure_marks_the_coning_mode(puma: HeaveModel) -> None:
     assert line.get_xdata()[0] == pytest.approx(abs(pole) / (2.0 * np.pi))
     curve = phase.lines[0]
     assert curve.get_ydata()[0] == pytest.approx(np.degrees(np.angle(puma.response(2.0 * np.pi * 0.01))))
+
+
+@pytest.mark.parametrize(("pilot", "gain_margin_db"), [("mesomorphic", 4.20), ("ectomorphic", 4.27)])
+def test_mayo_s_pilots_on_the_uh60a(pilot: str, gain_margin_db: float) -> None:
+    # computed elsewhere from the same parameters of rotorcraft and pilots
+    text = (Path(__file__).parents[2] / "docs" / "studies" / "uh60a-mayo.yaml").read_text(encoding="utf-8")
+    study = study_from_text(text.replace("nominal: mesomorphic", f"nominal: {pilot}"))
+    with EvaluationContext(study) as context:
+        found = evaluate(context, study.values({})).result["loop"]
+    assert found["gain_margin_db"] == pytest.approx(gain_margin_db, abs=0.005)
