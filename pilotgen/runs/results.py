@@ -20,7 +20,7 @@ from pilotgen.study.schema import study_unit
 
 FILETYPE = "pilotgen study"
 VERSION = (1, 1)
-CHUNK_ROWS = 1024  # rows per HDF5 chunk
+CHUNK_ROWS = 1024  # rows per HDF5 chunk, at most: small studies are small files
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ class ResultsWriter:
                     data=data,
                     dtype=kind,
                     maxshape=(None,) * data.ndim,
-                    chunks=(CHUNK_ROWS, *(max(1, width) for width in data.shape[1:])),
+                    chunks=tuple(max(1, width) for width in (min(CHUNK_ROWS, len(data)), *data.shape[1:])),
                     fletcher32=kind is not self._text,
                     fillvalue=np.nan if data.dtype.kind == "f" else None,
                 )
