@@ -20,7 +20,7 @@ from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
-from pilotgen.study.fields import Mistake, Problems, Value, shown
+from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
 from pilotgen.study.reader import read_tree
 from pilotgen.study.rotorcraft import Rotorcraft, rotorcraft_from
 from pilotgen.study.schema import (
@@ -32,6 +32,7 @@ from pilotgen.study.schema import (
     applies,
     defaults,
     locate,
+    members,
 )
 from pilotgen.study.torso_numbers import RIGID, TorsoNumbers, torso_from
 from pilotgen.study.yaml_file import (
@@ -260,15 +261,15 @@ class Study:
                 return self
         except StudyError:  # a text that is not of a study
             pass
-        sections = {section: self._plain(section) for section in _MAKERS}
-        pilot = sections["pilot"]
-        sections["pilot"] = {
-            key: value
-            for key, value in pilot.items()
-            if applies(f"pilot.{key}", self.pilot.model) and (value is not None or key != "reflex")
-        }
-        if not applies("cockpit", self.pilot.model):
-            del sections["cockpit"]
+        sections: dict[str, Any] = {}
+        for section, make in _MAKERS.items():
+            data = self._plain(section)
+            if isinstance(data, Mapping):  # what has to be there, and what is not as usual
+                known = {key: own for key, own in members(section).items() if applies(own, self.pilot.model)}
+                required = {key: data[key] for key, own in known.items() if SCHEMA[own].default is REQUIRED}
+                data = {**required, **_differences(data, _plain(make(required)), section, self.pilot.model)}
+            if data:
+                sections[section] = data
         text = f"# {self.path or 'a study'}, changed\n" + yaml_text(sections)
         return dataclasses.replace(self, text=text, lines=dict(yaml_from_text(text, self.path).lines))
 
@@ -389,6 +390,19 @@ def _checked(path: str, index: int | None, what: str, data: Any) -> Any:
 
 def _plain(part: Any) -> Any:
     return copy.deepcopy(part) if isinstance(part, str | Mapping) else dataclasses.asdict(part)
+
+
+def _differences(data: Mapping[str, Any], usual: Mapping[str, Any], path: str, model: str) -> dict[str, Any]:
+    """Return the declared keys of a section whose values differ from the usual ones."""
+    found: dict[str, Any] = {}
+    for key, own in members(path).items():
+        if key not in data or not applies(own, model) or (key in usual and data[key] == usual[key]):
+            continue
+        if isinstance(SCHEMA[own], Section) and isinstance(data[key], Mapping):
+            found[key] = _differences(data[key], usual.get(key) or {}, own, model)
+        else:
+            found[key] = data[key]
+    return found
 
 
 def _from_text(name: str, text: str) -> Any:
