@@ -17,10 +17,11 @@ import signal
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from pilotgen import __version__
 from pilotgen.errors import EvaluationError, IncompleteOutput, PilotgenError
+from pilotgen.study.fields import did_you_mean
 
 COMMANDS = (
     "pilot",
@@ -67,6 +68,20 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(EXIT_ERROR, f"{self.prog}: error: {message}\nTry '{self.prog} --help'.\n")
 
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse, but a flag that is not known points to the help of the command it was given to."""
+        found, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            prog = f"{self.prog} {found.command}" if getattr(found, "command", None) else self.prog
+            self.exit(EXIT_ERROR, f"{prog}: error: unknown arguments: {' '.join(unknown)}\nTry '{prog} --help'.\n")
+        return found
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            guess = did_you_mean(str(value), known)
+            raise argparse.ArgumentError(action, f"{value!r} is not known; {guess}choose one of: {', '.join(known)}")
+
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each command's module adds its own arguments and examples."""
@@ -77,7 +92,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="example:\n  pilotgen search docs/studies/quick.yaml -o results/quick",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"pilotgen {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"pilotgen {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         importlib.import_module(f"pilotgen.commands.{name.replace('-', '_')}").add_parser(commands)
@@ -109,7 +124,11 @@ def _run(arguments: Sequence[str] | None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        args = build_parser().parse_args(arguments)
+        parser = build_parser()
+        if not (sys.argv[1:] if arguments is None else arguments):
+            parser.print_help()
+            return 0
+        args = parser.parse_args(arguments)
         code = int(args.run(args))
         if sys.stdout is not None:
             sys.stdout.flush()  # a full disk behind standard output is found out here, not after the exit code

@@ -33,7 +33,7 @@ def add_command(commands: Any, name: str, summary: str, description: str, exampl
         epilog=f"example:\n  {example}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"pilotgen {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"pilotgen {__version__}")
     return parser
 
 
@@ -166,6 +166,14 @@ def non_negative_int(text: str) -> int:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative; zero or more is wanted")
+    return value
+
+
+def seed(text: str) -> int:
+    """Type of an argument: a seed, 0 to 2^63 - 1."""
+    value = non_negative_int(text)
+    if value > 2**63 - 1:
+        raise argparse.ArgumentTypeError(f"{text} is too large for a seed; at most 2^63 - 1 is wanted")
     return value
 
 

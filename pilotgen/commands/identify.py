@@ -64,7 +64,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="do every test once more with activations clipped to [0, 1], which has no linearisation",
     )
-    parser.add_argument("--seed", metavar="N", type=int, default=1, help="of the random phases (default: 1)")
+    parser.add_argument("--seed", metavar="N", type=common.seed, default=1, help="of the random phases (default: 1)")
     parser.add_argument(
         "--integrator",
         choices=("ida", "ms"),
@@ -107,8 +107,6 @@ def run(args: argparse.Namespace) -> int:
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no body to simulate; use a multibody pilot"
         )
-    if args.seed < 0:
-        raise StudyError(f"--seed {args.seed}: a seed is 0 or more")
     chosen = set(args.methods or ("all",))
     methods = METHODS if "all" in chosen else tuple(name for name in METHODS if name in chosen)
     listed = sorted({f for part in args.frequencies or [] for f in part})

@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--seed",
         metavar="S",
-        type=common.non_negative_int,
+        type=common.seed,
         default=None,
         help="seed (default: the study's search.seed)",
     )

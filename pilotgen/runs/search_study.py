@@ -6,11 +6,12 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from pathlib import Path
 
 import numpy as np
 
-from pilotgen.errors import FileError
+from pilotgen.errors import FileError, StudyError
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.journal import Journal
@@ -54,6 +55,7 @@ def search_study(
     """
     options = options or RunOptions()
     settings = study.search
+    check_algorithm(settings)
     progress = Progress()
     rows: list[Row] = []
     with open_batch(study, directory, "search", options, settings.population, on_progress, progress, say) as batch:
@@ -103,3 +105,11 @@ def _generations(journal: Journal, settings: SearchSettings, extend: int) -> int
             f"{journal.path.parent} holds no finished search to extend; finish it first, with --resume alone"
         )
     return max(settings.generations, int(there or 0) + extend)
+
+
+def check_algorithm(settings: SearchSettings) -> None:
+    """Raise StudyError if what the study's algorithm needs is not installed."""
+    if settings.algorithm == "nsga2" and importlib.util.find_spec("pymoo") is None:
+        raise StudyError(
+            "search.algorithm = 'nsga2' needs the package pymoo; install it with: pip install 'pilotgen[search]'"
+        )

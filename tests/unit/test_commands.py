@@ -74,7 +74,6 @@ def test_every_command_has_help_with_an_example(run: Run, command: str) -> None:
 def test_version_and_wrong_command_lines(run: Run) -> None:
     assert run("--version")[0] == 0
     for arguments in (
-        [],
         ["bounce"],
         ["pilot"],
         ["search", QUICK, "--workers", "0", "-o", "x"],
@@ -552,3 +551,37 @@ def test_an_output_directory_that_is_full_is_no_failure_of_the_pilot(
         "error: cannot write '.*matrices.h5': No space left on device; check",
     )
     assert not (tmp_path / "out" / "result.json").exists()
+
+
+def test_pilotgen_alone_prints_help(run: Run) -> None:
+    code, out, err = run()
+    assert (code, err) == (0, "") and out.startswith("usage: pilotgen")
+    assert run("-V") == run("--version")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "patterns"),
+    [
+        (["serach", "x.yaml"], ["'serach' is not known; did you mean 'search'?", "Try 'pilotgen --help'"]),
+        (
+            ["search", QUICK, "-o", "x", "--worker-count", "2"],
+            ["unknown arguments: --worker-count 2", "Try 'pilotgen search --help'"],
+        ),
+        (["pilot", QUICK, "-o", "x", "--solver", "mbdae2"], ["did you mean 'mbdae'?", "Try 'pilotgen pilot --help'"]),
+        (["sample", QUICK, "-n", "4", "-o", "x", "--seed", "9" * 23], ["too large for a seed"]),
+        (["identify", QUICK, "-o", "x", "--seed", "-1"], ["-1 is negative"]),
+    ],
+)
+def test_slips_on_the_command_line_get_a_hint(run: Run, arguments: list[object], patterns: list[str]) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out) == (1, "")
+    assert all(pattern in err for pattern in patterns), err
+
+
+def test_an_algorithm_that_is_not_installed_is_found_out_first(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    study = changed(tmp_path, "seed: 1", "seed: 1\n  algorithm: nsga2")
+    refused(run("search", study, "-o", tmp_path / "out"), r"needs the package pymoo; .*pilotgen\[search\]")
+    assert not (tmp_path / "out").exists()
