@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import FileError, StudyError
-from pilotgen.study.schema import locate, study_unit
+from pilotgen.study.schema import MAYO, locate, study_unit
 from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
@@ -83,10 +83,12 @@ def add_solver(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def check_solver(args: argparse.Namespace) -> None:
-    """Refuse options of `add_solver` that would do nothing together."""
+def check_solver(args: argparse.Namespace, study: Study) -> None:
+    """Refuse options of `add_solver` that would do nothing, together or for this study."""
     if args.mbdyn is not None and args.solver != "mbdyn":
         raise StudyError("--mbdyn is for --solver mbdyn; add that, or leave --mbdyn out")
+    if study.pilot.model == MAYO and (args.solver != "mbdae" or args.mbdae is not None):
+        raise StudyError("--solver and --mbdae do nothing for pilot.model = 'mayo', which has no deck; leave them out")
 
 
 def add_mbdae(parser: argparse.ArgumentParser) -> None:
@@ -222,10 +224,11 @@ def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, Any]]:
     return changed, values
 
 
-def run_options(args: argparse.Namespace) -> RunOptions:
+def run_options(args: argparse.Namespace, study: Study) -> RunOptions:
     """The options of a long run, as `add_workers` and `add_solver` declare them."""
     from pilotgen.runs.options import RunOptions
 
+    check_solver(args, study)
     return RunOptions(
         args.workers,
         args.resume,

@@ -48,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, write_result
     from pilotgen.output import claimed
 
-    common.check_solver(args)
     study, values = common.read_pilot(args)
+    common.check_solver(args, study)
     with (
         EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context,
         claimed(args.output, "pilot", WRITES, overwrite=args.overwrite) as directory,

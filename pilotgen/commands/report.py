@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
-from pilotgen.errors import FileError
+from pilotgen.errors import FileError, StudyError
 
 if TYPE_CHECKING:
     from pilotgen.runs.results import StudyResults
@@ -54,7 +54,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.results import read_results
     from pilotgen.study.study import study_from_text
 
-    common.check_solver(args)
+    if args.no_evaluations and (args.solver != "mbdae" or args.mbdae is not None):
+        raise StudyError("--solver and --mbdae do nothing with --no-evaluations; leave one out")
     path = args.directory / RESULTS_NAME
     if not path.is_file():
         raise FileError(
@@ -64,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
     with claimed(args.directory, "report", REPORT_FILES, resume=True) as directory:
         results = read_results(path)
         study = study_from_text(str(results.attributes["study_text"]), f"{path}: study_text")
+        common.check_solver(args, study)
         report = write_report(
             directory,
             study,

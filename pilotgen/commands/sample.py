@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
-    options = common.run_options(args)
+    options = common.run_options(args, study)
     line = ProgressLine(args.number, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:

@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     study = read_study(args.study)
     if args.extend:
         args.resume = True
-    options = common.run_options(args)
+    options = common.run_options(args, study)
     line = ProgressLine(study.search.population * study.search.generations, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:

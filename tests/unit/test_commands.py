@@ -585,3 +585,13 @@ def test_an_algorithm_that_is_not_installed_is_found_out_first(
     study = changed(tmp_path, "seed: 1", "seed: 1\n  algorithm: nsga2")
     refused(run("search", study, "-o", tmp_path / "out"), r"needs the package pymoo; .*pilotgen\[search\]")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_solver_for_pilots_without_a_deck_is_refused(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for command in (["pilot"], ["search"], ["sample", "-n", "4"]):
+        refused(run(*command, MAYO, "-o", out, "--mbdae", find_mbdae()), "do nothing for pilot.model = 'mayo'")
+    assert not out.exists()
+    assert run("sample", MAYO, "-n", "4", "-o", out, "--workers", "1", "--quiet")[0] == 0
+    refused(run("report", out, "--solver", "mbdyn"), "do nothing for pilot.model = 'mayo'")
+    refused(run("report", out, "--no-evaluations", "--solver", "mbdyn"), "do nothing with --no-evaluations")
