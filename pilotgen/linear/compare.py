@@ -78,6 +78,7 @@ class Comparison:
     modes: tuple[ModeDifference, ...]
     matrices: tuple[MatrixDifference, ...]
     note: str  # why there are no modes to compare, or empty
+    left_out: tuple[str, ...] = ()  # eigenvalues that are no modes, in words, for A and B
 
     @property
     def agree(self) -> bool:
@@ -110,8 +111,11 @@ def compare(a: Matrices, b: Matrices, tolerance: float = 1e-9) -> Comparison:
     _check_same_unknowns(a, b)
     model_a, model_b = descriptor(a), descriptor(b)
     pairs: tuple[ModeDifference, ...] = ()
+    left_out: tuple[str, ...] = ()
     try:
-        pairs, note = _pair_modes(modes(model_a), modes(model_b)), ""
+        modal_a, modal_b = modes(model_a), modes(model_b)
+        pairs, note = _pair_modes(modal_a, modal_b), ""
+        left_out = _left_out("A", modal_a), _left_out("B", modal_b)
     except MatrixError as error:
         note = f"modes not compared: {error}"
     return Comparison(
@@ -124,6 +128,7 @@ def compare(a: Matrices, b: Matrices, tolerance: float = 1e-9) -> Comparison:
             for name in ("g_ydot", "g_y")
         ),
         note=note,
+        left_out=left_out,
     )
 
 
@@ -160,6 +165,7 @@ def report(comparison: Comparison) -> str:
         lines.append(f"{len(comparison.modes)} natural frequencies and damping ratios (finite, nonzero eigenvalues)")
         lines.append("     A                        B                        relative difference")
         lines += [f"     {_mode(m.a):<24} {_mode(m.b):<24} {m.relative:.2e}" for m in comparison.modes]
+        lines += [f"     left out: {text}" for text in comparison.left_out]
     for matrix in comparison.matrices:
         lines.append("")
         lines.append(
@@ -218,6 +224,13 @@ def _pair_modes(a: ModalModel, b: ModalModel) -> tuple[ModeDifference, ...]:
             pairs.append(ModeDifference(complex(lam), None, float("inf")))
     pairs += [ModeDifference(None, complex(lam), float("inf")) for lam in left]
     return tuple(pairs)
+
+
+def _left_out(name: str, modal: ModalModel) -> str:
+    return (
+        f"of {name} {modal.n_zero} zero eigenvalues (rigid motion, no stiffness) and {modal.n_infinite} infinite ones "
+        "of directions without mass; those of constraints are not counted"
+    )
 
 
 def _mode(lam: complex | None) -> str:

@@ -10,6 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,9 +26,13 @@ from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Indic
 _FORM_TOLERANCE = 1e-9
 # A constraint counts as dependent on others when its part outside their span is this small against the largest one.
 _RANK_TOLERANCE = 1e-10
-# An eigenvalue counts as zero or infinite when it is this small, or 1 / this large, against the scale of the others.
+# An eigenvalue may be zero or infinite when it is this small, or 1 / this large, against the scale of the others.
 # Double zeros (rigid motion) come out near sqrt(eps) = 1.5e-8, so does 1/lam of a massless direction (index 2).
 _NEGLIGIBLE = 1e-6
+# It is zero if its motion meets no stiffness: forces this small against stiffness times motion, in scaled coordinates.
+_NO_STIFFNESS = 1e-11
+# A direction has no mass if its row of the mass matrix is this small against the largest.
+_NO_MASS = 1e-13
 # Eigenvectors are used as a basis while their condition number is below this; beyond, a real basis takes their place.
 _MAX_CONDITION = 1e5
 
@@ -189,7 +194,12 @@ def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalM
             f"the constraints leave {E.shape[1]} first-order unknowns, the reactions {E.shape[0]} equations; "
             "each constraint equation must have a reaction of its own"
         )
-    right, left, A, n_zero, n_infinite, solved = _deflate(E, F)
+    n_z = N_R.shape[1]
+
+    def rigid(u: Numbers) -> NDArray[np.bool_]:
+        return _without_stiffness(np.vstack([N_L.T @ form.K @ N_R, form.Phi_0[velocity] @ N_R]), X_R[:n_z] @ u)
+
+    right, left, A, n_zero, n_infinite, solved = _deflate(E, F, rigid)
     lam, right, left, A, diagonal = _diagonalise(right, left, A, solved)
 
     # of a conjugate pair only the first is worked out
@@ -204,7 +214,6 @@ def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalM
         return A @ Z if of_rows else Z @ A
 
     # back to all unknowns: V_R
-    n_z = N_R.shape[1]
     Q = _product(N_R @ X_R[:n_z], right)
     QA = advanced(Q)
     V_R = np.zeros((len(model.names), len(lam)), dtype=A.dtype)
@@ -319,10 +328,56 @@ def _reduced_pencil(
     return E @ X_R, F @ X_R, X_R
 
 
+def _rows_of_one_size(E: Floats) -> Floats:
+    """E with its rows scaled to a largest entry of 1: a small mass is no missing one. Rows of round-off stay."""
+    size = np.abs(E).max(axis=1, keepdims=True)
+    return E / np.where(size > _NO_MASS * size.max(), size, 1.0)
+
+
 _Eigen = tuple[Numbers, Numbers]  # eigenvalues and right eigenvectors of a matrix
 
 
-def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int, _Eigen | None]:
+_Rigid = Callable[[Numbers], NDArray[np.bool_]]  # tells of each column of unknowns whether it is a rigid motion
+
+
+def _without_stiffness(K: Floats, z: Numbers) -> NDArray[np.bool_]:
+    """Whether each column of z, shape (n, m), meets no stiffness K, shape (k, n); soft beside stiff is some."""
+    if K.size == 0:
+        return np.ones(z.shape[1], dtype=bool)
+    # Rows and columns scaled to a largest entry of about 1, so that stiff parts do not hide soft ones.
+    columns = np.ones(K.shape[1])
+    for _ in range(4):
+        K = K / np.sqrt(_largest(K, axis=1))[:, None]
+        scale = np.sqrt(_largest(K, axis=0))
+        K, columns = K / scale, columns / scale
+    y = z / columns[:, None]
+    return np.asarray(np.linalg.norm(K @ y, axis=0) <= _NO_STIFFNESS * np.linalg.norm(y, axis=0))
+
+
+def _largest(K: Floats, axis: int) -> Floats:
+    """Largest moduli of rows or columns; 1 where all is zero."""
+    found: Floats = np.abs(K).max(axis=axis)
+    return np.where(found > 0.0, found, 1.0)
+
+
+def _zero_threshold(lam: Complexes, V: Numbers, rigid: _Rigid) -> tuple[float, int]:
+    """The modulus up to which eigenvalues lam with vectors V, in the pencil's unknowns, count as zero; how many do."""
+    size = np.abs(lam)
+    small = size <= _NEGLIGIBLE * size.max(initial=0.0)
+    if not small.any():
+        return 0.0, 0
+    zero = np.zeros(len(lam), dtype=bool)
+    zero[small] = rigid(V[:, small])
+    if not zero.any():
+        return 0.0, 0
+    # What is slower than the round-off of a rigid motion cannot be told from it.
+    largest = float(size[zero].max())
+    above = size[size > largest]
+    between = float(np.sqrt(largest * above.min())) if above.size else largest
+    return max(between, largest), int(np.count_nonzero(size <= largest))
+
+
+def _deflate(E: Floats, F: Floats, rigid: _Rigid) -> tuple[Numbers, Numbers, Numbers, int, int, _Eigen | None]:
     """Split off zero and infinite eigenvalues of lam E + F.
 
     Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, the
@@ -331,13 +386,11 @@ def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int,
     size = len(E)
     if size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0, None
-    if _condition(E) < 1.0 / np.sqrt(np.finfo(float).eps):
+    if _condition(_rows_of_one_size(E)) < 1.0 / np.sqrt(np.finfo(float).eps):
         solved = np.linalg.solve(E, np.hstack((F, np.eye(size))))
         H, inverse = -solved[:, :size], solved[:, size:]
         lam, T = np.linalg.eig(H)
-        modulus = np.abs(lam)
-        threshold = _NEGLIGIBLE * modulus.max()
-        n_zero = int(np.count_nonzero(modulus <= threshold))
+        threshold, n_zero = _zero_threshold(lam, T, rigid)
         if n_zero == 0:
             return np.eye(size), inverse, H, 0, 0, (lam, T)
         right, left, A = _invariant_subspace(H, threshold, n_zero)
@@ -355,9 +408,8 @@ def _deflate(E: Floats, F: Floats) -> tuple[Numbers, Numbers, Numbers, int, int,
     right, left, S_finite = _invariant_subspace(S, threshold, n_infinite)
     A = sigma * np.eye(len(S_finite)) - np.linalg.inv(S_finite)
     left = np.linalg.solve(S_finite, np.linalg.solve(shifted.T, left.T).T)
-    lam = np.linalg.eigvals(A)
-    threshold = _NEGLIGIBLE * np.abs(lam).max(initial=0.0)
-    n_zero = int(np.count_nonzero(np.abs(lam) <= threshold))
+    lam, T = np.linalg.eig(A)
+    threshold, n_zero = _zero_threshold(lam, right @ T, rigid)
     inner_right, inner_left, A = _invariant_subspace(A, threshold, n_zero)
     return right @ inner_right, inner_left @ left, A, n_zero, n_infinite, None
 

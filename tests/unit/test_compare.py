@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linear_models import CASES, case, random_mechanism
+from linear_models import CASES, assemble, case, random_mechanism
 from test_matrices import complete_matrices
 
 from pilotgen.errors import FileError, MatrixError
@@ -109,3 +109,15 @@ def test_models_of_other_decks_are_refused() -> None:
         compare(a, dataclasses.replace(a, kinds=kinds))
     with pytest.raises(FileError, match=r"\.h5 of mbdae, \.nc or \.m of MBDyn"):
         run_compare("a.txt", "b.h5")
+
+
+def test_what_is_left_out_is_told() -> None:
+    """A body that floats in x, without mass in y."""
+    M, K = np.diag([1.0, 0.0, 1.0, 1.0, 1.0, 1.0]), np.diag([0.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    floating = assemble([("body", True)], [], M, 0.0 * M, K, np.zeros((0, 6)))
+    comparison = compare(floating, floating)
+    assert [text.split("(")[0] for text in comparison.left_out] == [
+        "of A 2 zero eigenvalues ",
+        "of B 2 zero eigenvalues ",
+    ]
+    assert "left out: of A 2 zero eigenvalues (rigid motion, no stiffness) and 2 infinite ones" in report(comparison)

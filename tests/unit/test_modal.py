@@ -200,3 +200,45 @@ def test_a_motion_that_nothing_determines_is_an_error() -> None:
     model = one_body(np.array([0.0, 5.0, 4.0, 9.0, 16.0, 25.0]), np.zeros(6), M)
     with pytest.raises(MatrixError, match="singular"):
         modes(model)
+
+
+@pytest.mark.parametrize("fast", [1e3, 2e6, 1e9])
+def test_slow_modes_beside_fast_ones_are_kept(fast: float) -> None:
+    """x grows at 1 rad/s against a spring that pushes away; the other directions ring at up to `fast`."""
+    model = one_body(np.array([-1.0, 0.25, fast**2, fast**2, fast**2, fast**2]), np.zeros(6))
+    modal = modes(model)
+    assert modal.n_zero == 0 and modal.n_infinite == 0 and len(modal.lam) == 12
+    assert_allclose(np.sort(modal.lam[np.abs(modal.lam) < 0.9 * fast].real), [-1.0, 0.0, 0.0, 1.0], atol=1e-7)
+    assert_allclose(np.sort(np.abs(modal.lam)), [0.5, 0.5, 1.0, 1.0, *[fast] * 8], rtol=1e-9)
+
+
+@pytest.mark.parametrize("fast", [1e3, 2e6])
+def test_rigid_motion_beside_slow_and_fast_modes(fast: float) -> None:
+    """Two bodies on one stiff spring that float freely in x, and are held softly elsewhere."""
+    K = np.diag([0.0, 1.0, 1.0, 4.0, 4.0, 4.0] * 2)
+    K[0, 0] = K[6, 6] = 0.5 * fast**2
+    K[0, 6] = K[6, 0] = -0.5 * fast**2
+    model = descriptor(assemble([("a", True), ("b", True)], [], np.eye(12), 0.0 * K, K, np.zeros((0, 12))))
+    modal = modes(model)
+    assert modal.n_zero == 2 and len(modal.lam) == 22
+    assert_allclose(np.sort(np.abs(modal.lam)), [1.0] * 8 + [2.0] * 12 + [fast] * 2, rtol=1e-9)
+
+
+def test_light_bodies_are_no_bodies_without_mass() -> None:
+    """Two free spectra: 1 kg on soft springs beside 1e-9 kg on stiff ones, masses nine decades apart."""
+    M = np.diag([1.0] * 6 + [1e-9] * 6)
+    K = np.diag([0.25] * 3 + [1.0] * 3 + [1e9] * 6)
+    modal = modes(descriptor(assemble([("a", True), ("b", True)], [], M, 0.0 * M, K, np.zeros((0, 12)))))
+    assert modal.n_zero == 0 and modal.n_infinite == 0
+    assert_allclose(np.sort(np.abs(modal.lam)), [0.5] * 6 + [1.0] * 6 + [1e9] * 12, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("distance", "diagonal"), [(1e-3, True), (1e-9, False)])
+def test_vectors_that_are_nearly_dependent_are_no_basis(distance: float, diagonal: bool) -> None:
+    """x: (s + 2)(s + 2 + distance); the basis stays real where the two vectors are closer than 1e-5 or so."""
+    a, b = 2.0, 2.0 + distance
+    model = one_body(np.array([a * b, 4.0, 9.0, 16.0, 25.0, 36.0]), np.array([a + b, 0.1, 0.2, 0.3, 0.4, 0.5]))
+    modal = modes(model)
+    assert modal.diagonal == diagonal
+    assert np.iscomplexobj(modal.V_R) == diagonal
+    assert_modal(model, modal)
