@@ -23,6 +23,11 @@ constexpr std::array<std::pair<const char*, const char*>, 12> kNodeChannels{{{"x
                                                                              {"wy", "rad/s"},
                                                                              {"wz", "rad/s"}}};
 
+bool is_momentum(const Model& model, int k) {
+  const std::string kind = model.unknown_kind(k);
+  return kind == "momentum" || kind == "momenta_moment";
+}
+
 std::vector<InputInfo> all_channels(const Model& model) {
   std::vector<InputInfo> out;
   for (const NodeData& node : model.deck().nodes) {
@@ -37,12 +42,18 @@ std::vector<InputInfo> all_channels(const Model& model) {
     out.push_back({name + ".force", "N"});
     out.push_back({name + ".activation", "-"});
   }
+  for (int k = 0; k < model.scalar_start(); ++k) {
+    if (is_momentum(model, k)) out.push_back({model.unknown_name(k), model.unknown_unit(k)});
+  }
   return out;
 }
 
 }  // namespace
 
 MotionRecorder::MotionRecorder(const Model& model, const std::vector<std::string>& wanted) : model_(model) {
+  for (int k = 0; k < model.scalar_start(); ++k) {
+    if (is_momentum(model, k)) momenta_.push_back(k);
+  }
   const std::vector<InputInfo> all = all_channels(model);
   if (wanted.empty()) {
     motion_.channels = all;
@@ -76,6 +87,7 @@ void MotionRecorder::record(const State& state) {
     row_.push_back(value.force);
     row_.push_back(value.activation);
   }
+  for (const int k : momenta_) row_.push_back(state.y(k));
   motion_.time.push_back(state.t);
   for (const std::size_t column : columns_) values_.push_back(row_[column]);
 }

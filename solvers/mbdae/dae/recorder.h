@@ -23,6 +23,7 @@ class MotionRecorder {
 
  private:
   const Model& model_;
+  std::vector<int> momenta_;          // unknowns that are momenta
   std::vector<std::size_t> columns_;  // of all channels, those wanted
   std::vector<double> values_, row_;
   Motion motion_;

@@ -7,7 +7,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr std::array<int, 2> kVersion{1, 0};  // of the format; bump together with the page
+constexpr std::array<int, 2> kVersion{1, 1};  // of the format; bump together with the page
 
 }  // namespace
 
