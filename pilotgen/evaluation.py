@@ -29,6 +29,7 @@ from pilotgen.errors import EvaluationError, FileError, MatrixError, SolverError
 from pilotgen.files import to_json, write_text
 from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilot
 from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.linear.reflex_delay import delay_reflex, delayed_certificate
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel
@@ -41,7 +42,7 @@ from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.solver.protocol import SolverReply
 from pilotgen.solver.scratch import ScratchDirectory
-from pilotgen.study.study import Study
+from pilotgen.study.study import Reflex, Study
 from pilotgen.study.torso_numbers import RIGID
 from pilotgen.summary import bdft_summary, result_file
 
@@ -271,6 +272,7 @@ class SolvedPilot:
     torso: SeatedTorso | None  # None: rigid, one body with the seat
     deck: str
     matrices: Matrices | None  # None when the pilot's deck was not linearised
+    without_reflex: Matrices | None = None  # of the same deck with gains of zero; only where the reflex is delayed
 
 
 def solve_pilot(
@@ -319,19 +321,50 @@ def solve_pilot(
     if settings.torso["model"] != RIGID:
         springs = make_torso(biometrics, settings.limbs, settings.torso, study.cockpit["seat"])
         torso = seat_torso(springs, body, cockpit, posture.nodes, activations.hand_loads, GRAVITY_M_PER_S2)
-    text = render_direct(
-        body,
-        cockpit,
-        posture,
-        activations=activations,
-        muscle_lengths=trim.muscle_lengths,
-        gains=gains,
-        c=c,
-        torso=torso,
-    )
+
+    def direct(gains: Reflex) -> str:
+        return render_direct(
+            body,
+            cockpit,
+            posture,
+            activations=activations,
+            muscle_lengths=trim.muscle_lengths,
+            gains=gains,
+            c=c,
+            torso=torso,
+        )
+
+    text = direct(gains)
     write(PILOT_DECK, text)
     matrices = linearise_direct(context, text, where) if linearise else None
-    return SolvedPilot(study, biometrics, body, cockpit, posture, activations, torso, text, matrices)
+    late = linearise and settings.reflex_delay_s > 0.0
+    bare = linearise_direct(context, direct(Reflex(0.0, 0.0)), Path(context.scratch)) if late else None
+    return SolvedPilot(study, biometrics, body, cockpit, posture, activations, torso, text, matrices, bare)
+
+
+def feedthrough_of(pilot: SolvedPilot) -> tuple[PilotModel, dict[str, float]]:
+    """The feedthrough of a solved pilot, his reflex delayed if the study says so.
+
+    Returns
+    -------
+    tuple
+        The model, and its checks: `certificate`, and with a delay `pade_error`, the largest relative difference between
+        the approximant and the delay itself (0.1 to 20 Hz).
+    """
+    settings = pilot.study.pilot
+    assert pilot.matrices is not None
+    model = make_pilot_model(
+        pilot.matrices,
+        lever_length_m=pilot.study.inceptor.lever_length_m,
+        washout_rad_s=settings.washout_rad_s,
+        projection=settings.projection,
+    )
+    if pilot.without_reflex is None:
+        return model, {"certificate": certificate(model)}
+    late = (settings.reflex_delay_s, settings.reflex_undelayed_share, settings.reflex_pade_order)
+    model = delay_reflex(model, pilot.matrices, pilot.without_reflex, *late)
+    certified, pade_error = delayed_certificate(model, pilot.matrices, pilot.without_reflex, *late)
+    return model, {"certificate": certified, "pade_error": pade_error}
 
 
 def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> Matrices:
@@ -373,13 +406,7 @@ def linearise_direct(context: EvaluationContext, text: str, where: Path) -> Matr
 def _evaluate_multibody(context: EvaluationContext, values: dict[str, Any], keep: Path | None) -> Evaluation:
     pilot = solve_pilot(context, values, keep)
     study = pilot.study
-    assert pilot.matrices is not None
-    model = make_pilot_model(
-        pilot.matrices,
-        lever_length_m=study.inceptor.lever_length_m,
-        washout_rad_s=study.pilot.washout_rad_s,
-        projection=study.pilot.projection,
-    )
+    model, checks = feedthrough_of(pilot)
     loop, verdict = close_loop(context, study, model)
     activation = pilot.activations
     result = {
@@ -403,7 +430,7 @@ def _evaluate_multibody(context: EvaluationContext, values: dict[str, Any], keep
             "joint_torques_n_m": dict(activation.joint_torques_N_m),
         },
         "pilot_poles": model.pole_list(),
-        "bdft": bdft_summary(model, certificate=certificate(model)),
+        "bdft": bdft_summary(model, **checks),
         "loop": verdict.as_dict(),
     }
     return Evaluation(values, result, model, loop, verdict)
@@ -431,7 +458,10 @@ def _evaluate_mayo(context: EvaluationContext, values: dict[str, Any]) -> Evalua
 
 
 def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> tuple[LoopModel, Margins]:
-    """The loop of a pilot with the rotorcraft that his study names, and its margins."""
+    """The loop of a pilot with the rotorcraft that his study names, and its margins.
+
+    Raises EvaluationError where the loop cannot be judged.
+    """
     inceptor = study.inceptor
     same = study.rotorcraft is context.study.rotorcraft
     helicopter = context.helicopter if same else HeaveModel(study.rotorcraft)

@@ -19,7 +19,7 @@ from pilotgen.study.torso_numbers import RIGID
 GRIP_FREQUENCY_HZ = 3.0  # where grip motion is reported, as Mayo's people are (docs/validation.md)
 
 
-def bdft_summary(model: PilotModel, certificate: float | None) -> dict[str, Any]:
+def bdft_summary(model: PilotModel, certificate: float | None, pade_error: float | None = None) -> dict[str, Any]:
     """What a result tells of the feedthrough (docs/io_formats/result.md, `bdft`).
 
     Parameters
@@ -28,6 +28,8 @@ def bdft_summary(model: PilotModel, certificate: float | None) -> dict[str, Any]
         The pilot.
     certificate : float, optional
         Largest relative difference from the full-order response; None without one.
+    pade_error : float, optional
+        What the approximant of a reflex delay changes; None without a delay.
     """
     frequency_hz, damping = model.dominant_pair()
     motion = abs(complex(model.grip_motion(2.0 * math.pi * GRIP_FREQUENCY_HZ)))
@@ -36,6 +38,7 @@ def bdft_summary(model: PilotModel, certificate: float | None) -> dict[str, Any]
         "dominant_damping": damping,
         "grip_motion_3hz_mm_per_m_s2": 1e3 * motion,
         "certificate": certificate,
+        **({} if pade_error is None else {"pade_error": pade_error}),
         "cyclic": _cyclic_summary(model),
     }
 
@@ -58,6 +61,10 @@ TORSO_ON_SPRINGS = (
     "with a torso on springs gain margins are 1.4 dB larger than those of Mayo's mesomorphic pilots on the Puma, and 3 "
     "to 5 dB larger than those of his ectomorphic ones; compare pilots with each other rather than with a limit"
 )  # the same table
+REFLEX_DELAY = (
+    "the reflex is delayed after linearisation: decks and matrices on disk have no delay, and calibrated gains were "
+    "found without one (docs/theory/reflex_delay.md)"
+)
 MEASURED_GROUPS = (
     "Mayo measured two groups of people; between and beyond them a pilot of his form is an interpolation or a guess"
 )
@@ -70,6 +77,8 @@ def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
     found = [f"extrapolated: {sentence}" for sentence in result.get("extrapolated", ())]
     if study.pilot.model == MULTIBODY:
         found.append(RIGID_TORSO if study.pilot.torso["model"] == RIGID else TORSO_ON_SPRINGS)
+        if study.pilot.reflex_delay_s > 0.0:
+            found.append(REFLEX_DELAY)
         if study.pilot.projection == "literal":
             found.append("projection: literal is the paper's eq. (31), for comparison only (docs/theory/projection.md)")
     elif {name: result["values"].get(name) for name in MAYO_PRESETS["mesomorphic"]} not in MAYO_PRESETS.values():

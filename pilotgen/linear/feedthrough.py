@@ -58,6 +58,8 @@ def make_pilot_model(
 ) -> PilotModel:
     """Return the pilot's feedthrough from the matrices of a multibody pilot at the controls.
 
+    StudyError if the literal projection is asked for more than one translation.
+
     Parameters
     ----------
     matrices : Matrices or DescriptorModel

@@ -316,6 +316,8 @@ def rotation_error(imposed: ImposedMotion, input: int, fall: ImposedMotion) -> t
 def static_terms(imposed: ImposedMotion) -> Floats:
     """Return F(0) and F'(0) of F(s) = output per imposed motion, shape (p, k, 2).
 
+    EvaluationError if the model is singular at rest.
+
     Both vanish for translations. For rotations F(0) is the standing deflection per angle of tilt, and F'(0) its rate
     term: y/z'' = F(s)/s^2 has the double pole F(0)/s^2 + F'(0)/s at s = 0.
     """

@@ -269,7 +269,7 @@ class Truth(Field):
     """True or false."""
 
     def check(self, what: str, data: Any) -> bool:
-        """Return the truth value."""
+        """Return the truth value. StudyError for anything else."""
         if not isinstance(data, bool):
             raise StudyError(f"{what} is neither true nor false; one of them is wanted{self.advice(data)}")
         return data

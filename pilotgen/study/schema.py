@@ -203,6 +203,27 @@ SCHEMA: Mapping[str, Field] = {
         hint="a factor: a pilot who is 20 % weaker than his biometrics say has 0.8",
         meaning="times which every muscle is as strong as the biometrics say",
     ),
+    "pilot.reflex_delay_s": Number(
+        0.0,
+        0.1,
+        "s",
+        default=0.0,
+        model=MULTIBODY,
+        hint="the delay is in seconds: 25 ms is 0.025",
+        meaning="how late the reflex comes, but for its undelayed share; 0 for none",
+    ),
+    "pilot.reflex_undelayed_share": Number(
+        0.0,
+        1.0,
+        "",
+        default=0.5,  # estimated: short-range stiffness and reflex of like size
+        model=MULTIBODY,
+        hint="a fraction: 40 % is 0.40",
+        meaning="share of the reflex gains that is short-range stiffness of the muscles and acts at once",
+    ),
+    "pilot.reflex_pade_order": Whole(
+        1, 6, default=3, model=MULTIBODY, meaning="order of the approximant that stands for the delay"
+    ),
     "pilot.matrix_coefficient_s": Number(
         1e-6,
         1.0,

@@ -76,6 +76,9 @@ class PilotSettings:
     seat: str = "design_eye"  # "design_eye" | "fixed"
     activation_floor: float = 0.0
     strength_factor: float = 1.0  # times the muscle force that the biometrics give
+    reflex_delay_s: float = 0.0  # of the reflex but for its undelayed share
+    reflex_undelayed_share: float = 0.5
+    reflex_pade_order: int = 3
     matrix_coefficient_s: float = 0.01
     reflex: Reflex | None = None  # None: the calibrated gains of the task
     torso: TorsoNumbers = field(default_factory=lambda: torso_from(None))
@@ -462,6 +465,9 @@ def _check_together(study: Study) -> None:
     """Raise Mistake if sections that are right one by one contradict each other."""
     if not set(study.nominal) <= set(PILOT_VALUES[study.pilot.model]):
         raise Mistake("nominal", study.nominal, f"is no pilot of pilot.model = {study.pilot.model!r}")
+    delay_s = study.pilot.reflex_delay_s
+    if delay_s > 0.0 and study.pilot.projection == "literal":
+        raise Mistake("pilot.reflex_delay_s", delay_s, "needs pilot.projection = 'exact'; eq. (31) knows no delay")
     for name, bounds in study.search.variables.items():
         if name in OTHER_MASS and name not in study.nominal:
             other = OTHER_MASS[name]

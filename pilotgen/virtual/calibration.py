@@ -30,7 +30,9 @@ from pilotgen.evaluation import EvaluationContext, SolvedPilot, close_loop, line
 from pilotgen.linear.feedthrough import make_pilot_model, mayo_pilot
 from pilotgen.linear.imposed_motion import ImposedMotion
 from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.linear.reflex_delay import delay_reflex
 from pilotgen.solver.descriptor import Complexes
+from pilotgen.solver.matrices import Matrices
 from pilotgen.study.study import Reflex, Study, calibrated_gains
 from pilotgen.study.torso_numbers import RIGID
 from pilotgen.study.yaml_file import bundled
@@ -230,7 +232,16 @@ class CalibrationPilot:
 
     def model(self, gains: Reflex) -> PilotModel:
         """The pilot's feedthrough with these gains, without washout."""
-        pilot, study = self.pilot, self.pilot.study
+        pilot, settings = self.pilot, self.pilot.study.pilot
+        matrices = self._matrices(gains)
+        model = make_pilot_model(matrices, lever_length_m=pilot.study.inceptor.lever_length_m)
+        if pilot.without_reflex is None:
+            return model
+        late = (settings.reflex_delay_s, settings.reflex_undelayed_share, settings.reflex_pade_order)
+        return delay_reflex(model, matrices, pilot.without_reflex, *late)
+
+    def _matrices(self, gains: Reflex) -> Matrices:
+        pilot = self.pilot
         text = render_direct(
             pilot.body,
             pilot.cockpit,
@@ -238,11 +249,10 @@ class CalibrationPilot:
             activations=pilot.activations,
             muscle_lengths=self._lengths,
             gains=gains,
-            c=study.pilot.matrix_coefficient_s,
+            c=pilot.study.pilot.matrix_coefficient_s,
             torso=pilot.torso,
         )
-        matrices = linearise_direct(self._bench, text, self._bench.scratch)
-        return make_pilot_model(matrices, lever_length_m=study.inceptor.lever_length_m)
+        return linearise_direct(self._bench, text, self._bench.scratch)
 
     def gain_margin_db(self, model: PilotModel) -> float:
         """Gain margin [dB] of one of the pilot's models, or of people, with the study's rotorcraft and washout."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pilotgen.activation.reflex import reflex_gains
+from pilotgen.errors import EvaluationError
 from pilotgen.evaluation import EvaluationContext, linearise_direct, solve_pilot
 from pilotgen.hdf5 import NewFile
 from pilotgen.linear.feedthrough import make_pilot_model
@@ -193,6 +194,12 @@ def identify(
     started = time.perf_counter()
     pilot = solve_pilot(context, values, keep)
     study = pilot.study
+    if study.pilot.reflex_delay_s > 0.0:
+        raise EvaluationError(
+            "identify",
+            "the reflex is delayed after linearisation, and the deck that is moved in time has no delay; "
+            "give pilot.reflex_delay_s = 0",
+        )
     gains = reflex_gains(study.pilot.task, study.pilot.torso["model"], study.pilot.reflex)
     middle = time.perf_counter()
     matrices = linearise_direct(context, pilot.deck, context.scratch)

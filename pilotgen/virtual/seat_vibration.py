@@ -142,6 +142,8 @@ def frequency_grid() -> Floats:
 def seat_vibration(pilot: SolvedPilot, frequency_hz: Floats | None = None) -> SeatVibration:
     """Respond to a vertical acceleration of the seat.
 
+    ValueError if the pilot's deck was not linearised.
+
     Parameters
     ----------
     pilot : SolvedPilot

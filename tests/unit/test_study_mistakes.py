@@ -30,7 +30,8 @@ MISTAKES = [
         "sex: male",
         "sexe: male",
         "s.yaml:6: pilot.sexe: key 'sexe' is not known here; did you mean 'sex'? known keys: model, washout_rad_s, "
-        "sex, task, projection, seat, activation_floor, strength_factor, matrix_coefficient_s, limbs, reflex, torso",
+        "sex, task, projection, seat, activation_floor, strength_factor, reflex_delay_s, "
+        "reflex_undelayed_share, reflex_pade_order, matrix_coefficient_s, limbs, reflex, torso",
     ),
     ("sex: male", "sex: man", "s.yaml:6: pilot.sex = 'man' is not known; choose one of: male, female"),
     ("  sex: male\n", "", "s.yaml:4: key 'sex' is missing in 'pilot'; add it"),
