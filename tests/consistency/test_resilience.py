@@ -180,7 +180,7 @@ def test_second_run_on_the_same_directory_is_refused(tmp_path: Path) -> None:
     assert first.poll() is None
     os.kill(first.pid, signal.SIGTERM)
     first.communicate(timeout=PATIENCE_S)
-    assert first.returncode == 130
+    assert first.returncode == 143
 
 
 # ---- lied to
@@ -193,7 +193,7 @@ REASONS = {  # misdeed of tests/faulty_mbdae.py -> stage and reason of the faile
     "garbage": ("solver", "not JSON"),
     "list": ("solver", "not an object"),
     "missing key": ("solver", "missing or wrong value"),
-    "no file": ("matrices", "no such file"),
+    "no file": ("matrices", "No such file"),
     "short file": ("matrices", "not written to its end"),
     "other deck": ("matrices", "of another deck"),
     "nan": ("matrices", "has nan at [3, 4]"),
