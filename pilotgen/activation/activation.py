@@ -47,6 +47,7 @@ _EQUALITY, _INEQUALITY = 5, 0  # constraint types of daqp
 _BALANCED_NM = 1e-8  # residual of the balances that the solution must reach; the programme's own tolerance is coarser
 _BOUND_TOLERANCE = 1e-7
 _POLISHES = 4  # a muscle that rests within the tolerance of a bound may have to join the active set
+_MOST_NEWTON = 200  # steps of the way by multipliers
 _SLACK_WEIGHT = 1e-6  # of the activations beside the missing moments, when no activation balances the arm
 
 
@@ -302,36 +303,65 @@ def _least_effort(A: np.ndarray, b: np.ndarray, floor: float, side: str) -> np.n
     upper = np.concatenate((np.ones(count), b))
     kinds = np.array([_INEQUALITY] * count + [_EQUALITY] * len(b), dtype=np.int32)
     x, _, flag, _ = daqp.solve(np.eye(count), np.zeros(count), np.ascontiguousarray(A), upper, lower, kinds)
-    if flag != 1:
+    a = _polished(A, b, np.asarray(x), floor) if flag == 1 else None
+    if a is None:
+        a = _by_multipliers(A, b, floor)
+    if a is None:
         raise _overloaded(A, b, floor, side)
-    return _polished(A, b, np.asarray(x), floor, side)
+    return a
 
 
-def _polished(A: np.ndarray, b: np.ndarray, x: np.ndarray, floor: float, side: str) -> np.ndarray:
-    """Solve again on the active set that the programme found: exact to round-off."""
+def _polished(A: np.ndarray, b: np.ndarray, x: np.ndarray, floor: float) -> np.ndarray | None:
+    """Solve again on the active set that the programme found: exact to round-off; None if that set does not do."""
     low, high = x <= floor + _BOUND_TOLERANCE, x >= 1.0 - _BOUND_TOLERANCE
     for _ in range(_POLISHES):
         a = np.where(low, floor, 1.0)
         free = ~(low | high)
         A_free = A[:, free]
         if A_free.shape[1] < len(b):
-            raise _overloaded(A, b, floor, side)
+            return None
         # least-norm solution; the second pass removes the round-off of the normal equations
         normal = A_free @ A_free.T
-        a[free] = A_free.T @ np.linalg.solve(normal, b - A[:, ~free] @ a[~free])
-        a[free] += A_free.T @ np.linalg.solve(normal, b - A @ a)
+        try:
+            a[free] = A_free.T @ np.linalg.solve(normal, b - A[:, ~free] @ a[~free])
+            a[free] += A_free.T @ np.linalg.solve(normal, b - A @ a)
+        except np.linalg.LinAlgError:  # the free muscles do not reach every moment
+            return None
         if float(np.min(a)) >= floor and float(np.max(a)) <= 1.0:
             break
         low, high = low | (a < floor), high | (a > 1.0)
-    worst = float(np.max(np.abs(A @ a - b)))
-    smallest, largest = float(np.min(a)), float(np.max(a))
-    if worst > _BALANCED_NM or smallest < floor or largest > 1.0:
-        raise EvaluationError(
-            "activation",
-            f"{side} arm: the quadratic programme left {worst:.3g} N m, "
-            f"with activations from {smallest:.3g} to {largest:.3g}",
-        )
-    return a
+    balanced = float(np.max(np.abs(A @ a - b))) <= _BALANCED_NM
+    return a if balanced and float(np.min(a)) >= floor and float(np.max(a)) <= 1.0 else None
+
+
+def _by_multipliers(A: np.ndarray, b: np.ndarray, floor: float) -> np.ndarray | None:
+    """The same programme by its multipliers m: a = clip(A^T m, floor, 1) with A a = b, a concave function's maximum.
+
+    Degenerate programmes, with fewer free muscles than moments, are no exception here. Newton's method with a little
+    regularisation and halved steps; None if no multipliers balance the moments.
+    """
+    weight = 1e-10 * float(np.sum(A * A)) * np.eye(len(b))
+    m = np.zeros(len(b))
+
+    def value(m: np.ndarray) -> float:
+        z = A.T @ m
+        a = np.clip(z, floor, 1.0)
+        return float(b @ m - np.sum(z * a - 0.5 * a * a))
+
+    for _ in range(_MOST_NEWTON):
+        z = A.T @ m
+        a = np.clip(z, floor, 1.0)
+        missing = b - A @ a
+        if float(np.max(np.abs(missing), initial=0.0)) <= _BALANCED_NM:
+            return a
+        free = (z > floor) & (z < 1.0)
+        step = np.linalg.solve(A[:, free] @ A[:, free].T + weight, missing)
+        now, gain = value(m), float(missing @ step)
+        t, round_off = 1.0, 1e-14 * (float(np.abs(b) @ np.abs(m)) + len(a))
+        while value(m + t * step) < now + 1e-4 * t * gain - round_off and t > 1e-12:
+            t *= 0.5
+        m = m + t * step
+    return None
 
 
 def _overloaded(A: np.ndarray, b: np.ndarray, floor: float, side: str) -> EvaluationError:

@@ -91,3 +91,35 @@ def test_it_fails_only_when_no_activations_exist(seed: int) -> None:
     else:
         assert exists
         assert np.abs(A @ a - b).max() < 1e-8
+
+
+@pytest.mark.parametrize("moments", [1.0, 0.0])
+def test_programmes_with_one_point_only(moments: float) -> None:
+    """Identity, every muscle at a bound: nothing is free, the answer is the bound."""
+    a = _least_effort(np.eye(2), np.full(2, moments), 0.0, "left")
+    np.testing.assert_allclose(a, np.full(2, moments), atol=1e-8)
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_degenerate_programmes(part: int) -> None:
+    """Random moment arms, muscles at their bounds, corners of what is reachable included: solved with least effort."""
+    for seed in range(50):
+        rng = np.random.default_rng([part, seed])
+        A = rng.normal(size=(7, 25)) * 10.0 ** rng.uniform(-1.0, 1.5)
+        if part == 3:
+            A[rng.integers(7)] = A[rng.integers(7)]  # two moments by the same arms
+        if part >= 1:
+            a = (rng.normal(size=7) @ A > 0.0).astype(float)  # a corner: the only point with its moments
+        else:
+            a = rng.uniform(0.0, 1.0, 25)
+            at_bound = rng.permutation(25)[: rng.integers(12, 23)]
+            a[at_bound] = rng.integers(0, 2, at_bound.size)
+        found = _least_effort(A, A @ a, 0.0, "left")
+        assert np.abs(A @ (found - a)).max() <= 1e-8
+        assert found.min() >= 0.0 and found.max() <= 1.0
+        assert found @ found <= a @ a + 1e-6
+
+
+def test_programmes_without_an_answer_are_refused() -> None:
+    with pytest.raises(EvaluationError, match="1.00 N m are missing"):
+        _least_effort(np.eye(7), np.array([2.0, *[0.5] * 6]), 0.0, "left")
