@@ -283,7 +283,7 @@ def _render_pilot(
         torso=torso if torso is not None else False,
         carriers=carriers,
         arms=arms,
-        muscle_states=muscle_states(body, values, lengths),
+        muscle_states=muscle_states(body, values, lengths, carriers),
         activation_check=activation_check,
         at_rest=str(int(np.count_nonzero(values <= 1e-9))),
         muscle_count=str(values.size),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, Generic, TypeVar
 
@@ -152,10 +152,11 @@ def _bone_text(segment: Segment, name: str) -> SimpleNamespace:
 
 
 def _muscle_texts(limb: Limb) -> list[SimpleNamespace]:
-    """What the muscles of an arm are, whatever they do and whatever carries their origins on the torso."""
+    """What the muscles of an arm are, whatever they do and whatever node their origins are on: texts alone."""
     S = SUFFIX[limb.side].upper()
-    place = {name: f"{name.upper()}_{S}, position, {_IN_NODE}" for name in SEGMENTS}
-    place["torso"] = f", position, reference, GLENOHUMERAL_{S}, "
+    frame = dict.fromkeys(SEGMENTS, f"position, {_IN_NODE}")
+    frame["torso"] = f"position, reference, GLENOHUMERAL_{S}, "
+    bone = {name: f"{name.upper()}_{S}, position, {_IN_NODE}" for name in SEGMENTS}
     origins = vectors(np.array([muscle.origin_m for muscle in limb.muscles]))
     insertions = vectors(np.array([muscle.insertion_m for muscle in limb.muscles]))
     return [
@@ -164,10 +165,8 @@ def _muscle_texts(limb: Limb) -> list[SimpleNamespace]:
             full_name=muscle.full_name,
             L0=number(muscle.l0_m),
             F0=number(muscle.F0_N),
-            from_torso=muscle.origin_body == "torso",
-            to_torso=muscle.insertion_body == "torso",
-            origin=place[muscle.origin_body] + origin,
-            insertion=place[muscle.insertion_body] + insertion,
+            origin=frame[muscle.origin_body] + origin,
+            insertion=bone[muscle.insertion_body] + insertion,
         )
         for muscle, origin, insertion in zip(limb.muscles, origins, insertions, strict=True)
     ]
@@ -188,15 +187,30 @@ def arms_with_muscles(body: Body, cockpit: Cockpit, posture: Posture) -> list[Pa
     return arms
 
 
-def muscle_states(body: Body, values: np.ndarray, lengths: np.ndarray) -> list[SimpleNamespace]:
-    """What the muscles of each arm do: lengths over optimal lengths, activations, lengths."""
+def muscle_states(
+    body: Body, values: np.ndarray, lengths: np.ndarray, carriers: Sequence[str]
+) -> list[SimpleNamespace]:
+    """What the muscles of each arm do: nodes of their origins, lengths over optimal lengths, activations, lengths.
+
+    Parameters
+    ----------
+    body : Body
+        The arms.
+    values, lengths : ndarray, shape (muscles,)
+        Activations, and lengths [m].
+    carriers : sequence of str
+        By arm, the node that carries shoulder and muscle origins of the torso.
+    """
     states = []
     done = 0
-    for limb in body.limbs.values():
+    for limb, carrier in zip(body.limbs.values(), carriers, strict=True):
+        S = SUFFIX[limb.side].upper()
+        node = {name: f"{name.upper()}_{S}" for name in SEGMENTS} | {"torso": carrier}
         those = slice(done, done := done + len(limb.muscles))
         optimal_m = [muscle.l0_m for muscle in limb.muscles]
         states.append(
             SimpleNamespace(
+                origin=[node[muscle.origin_body] for muscle in limb.muscles],
                 x=[f"{length / l0:.3f}" for length, l0 in zip(lengths[those].tolist(), optimal_m, strict=True)],
                 activation=numbers(values[those]),
                 length=numbers(lengths[those]),

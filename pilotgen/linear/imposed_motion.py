@@ -371,26 +371,48 @@ def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 
         M, C, K, B = block(M, q, q), block(C, q, q), block(K, q, q), block(B, q, r)
         Phi_0, Phi_1 = block(Phi_0, r, q), block(Phi_1, r, q)
         weights, m_I, c_I, k_I, phi_0, phi_1 = weights[q], m_I[q], c_I[q], k_I[q], phi_0[r], phi_1[r]
+    inner = ~((B != 0.0).any(axis=1) | ((Phi_0 != 0.0) | (Phi_1 != 0.0)).any(axis=0)) & (weights == 0.0)
     rows = independent_constraints(Phi_0 + Phi_1)
     if len(rows) < len(Phi_0):  # redundant constraints: an independent set of them says the same
         Phi_0, Phi_1, phi_0, phi_1 = Phi_0[rows], Phi_1[rows], phi_0[rows], phi_1[rows]
         B = B[:, independent_constraints(B.T)]
-    n_q = len(M)
+    s2 = (s * s)[:, None, None]
+    s1 = s[:, None, None]
+
+    def stiffness(i: Indices, j: Indices) -> Complexes:
+        """s^2 M + s C + K, rows i and columns j."""
+        found: Complexes = s2 * block(M, i, j) + s1 * block(C, i, j) + block(K, i, j)
+        return found
+
+    def heave(i: Indices) -> Complexes:
+        found: Complexes = -(s2[:, 0] * m_I[i] + s1[:, 0] * c_I[i] + k_I[i])
+        return found[:, :, None]
+
+    # Coordinates that no joint ties and nobody watches (bodies of a torso) go out first, exactly: a small solve, whose
+    # right sides are those of the few coordinates that they touch.
+    u, k = np.flatnonzero(inner), np.flatnonzero(~inner)
+    n_q = len(k)
     n = n_q + len(Phi_0)
     pencil = np.zeros((len(s), n, n), dtype=np.complex128)
     right = np.zeros((len(s), n, 1), dtype=np.complex128)
-    s2 = (s * s)[:, None, None]
-    s1 = s[:, None, None]
-    pencil[:, :n_q, :n_q] = s2 * M + s1 * C + K
-    pencil[:, :n_q, n_q:] = B
-    pencil[:, n_q:, :n_q] = s1 * Phi_1 + Phi_0
-    right[:, :n_q, 0] = -(s2[:, 0] * m_I + s1[:, 0] * c_I + k_I)
+    pencil[:, :n_q, :n_q] = stiffness(k, k)
+    pencil[:, :n_q, n_q:] = B[k]
+    pencil[:, n_q:, :n_q] = s1 * Phi_1[:, k] + Phi_0[:, k]
+    right[:, :n_q] = heave(k)
     right[:, n_q:, 0] = -(s1[:, 0] * phi_1 + phi_0)
     try:
+        if len(u):
+            linked = (M != 0.0) | (C != 0.0) | (K != 0.0)
+            near = np.flatnonzero((linked | linked.T)[np.ix_(u, k)].any(axis=0))
+            sides = np.concatenate((stiffness(u, k[near]), heave(u)), axis=2)
+            inside = np.linalg.solve(stiffness(u, u), sides)
+            back = stiffness(k[near], u)
+            pencil[:, near[:, None], near] -= back @ inside[:, :, :-1]
+            right[:, near] -= back @ inside[:, :, -1:]
         solution = np.linalg.solve(pencil, right)
     except np.linalg.LinAlgError as error:
         raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
-    response: Complexes = (solution[:, :n_q, 0] @ weights + imposed.output_imposed[output, input]) / (s * s)
+    response: Complexes = (solution[:, :n_q, 0] @ weights[k] + imposed.output_imposed[output, input]) / (s * s)
     return response
 
 
