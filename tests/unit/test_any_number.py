@@ -28,7 +28,7 @@ from pilotgen.runs.batch import replay_command
 from pilotgen.runs.results import read_results
 from pilotgen.search.problem import Problem
 from pilotgen.study.fields import Vector
-from pilotgen.study.schema import SCHEMA, applies, field_of, locate, names, study_unit
+from pilotgen.study.schema import SCHEMA, applies, field_of, is_whole, locate, names, study_unit
 from pilotgen.study.study import Study, calibrated_gains, study_from_text
 
 STUDY = study_from_text(MULTIBODY, "s.yaml")
@@ -45,7 +45,9 @@ def nearby(study: Study, name: str) -> float:
     value = study.value(name)
     value = declared.low if value is None else value
     limit = declared.high if declared.high - value > value - declared.low else declared.low
-    return float(round(value + 0.1 * (limit - value)) if name == "rotorcraft.blades" else value + 0.1 * (limit - value))
+    if is_whole(name):
+        return float(value + (1 if limit > value else -1))
+    return float(value + 0.1 * (limit - value))
 
 
 @pytest.mark.parametrize(
