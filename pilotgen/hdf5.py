@@ -8,8 +8,10 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import errno
 import io
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -158,11 +160,9 @@ def opened(
     error
         It is of another type or version, or what the block reads is missing, of the wrong kind or damaged.
     """
-    import h5py
-
     name = os.fspath(path)
     try:
-        file = h5py.File(name, "r")
+        file = open_to_read(name)
     except OSError as problem:
         raise FileError(f"{name}: cannot be read as HDF5 ({problem})") from None
     with file:
@@ -179,6 +179,29 @@ def opened(
         except _DAMAGE as problem:
             told = str(problem.args[0]) if problem.args else type(problem).__name__
             raise error(f"{name}: a part is missing, of the wrong kind or damaged ({told})") from None
+
+
+def open_to_read(name: str) -> h5py.File:
+    """An HDF5 file to read, without a lock where the file system knows none.
+
+    Raises
+    ------
+    FileError
+        Another process is writing it.
+    OSError
+        It cannot be opened, or is no HDF5 file.
+    """
+    import h5py
+
+    try:
+        return h5py.File(name, "r")
+    except OSError as problem:
+        number = re.search(r"unable to lock file, errno = (\d+)", str(problem))
+        if not number:
+            raise
+        if int(number[1]) in (errno.EAGAIN, errno.EACCES):
+            raise FileError(f"{name}: another process has it open for writing; wait until it is done") from None
+    return h5py.File(name, "r", locking=False)
 
 
 def text(value: Any) -> str:

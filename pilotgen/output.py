@@ -9,6 +9,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import fnmatch
 import hashlib
@@ -242,7 +243,12 @@ def _locked(directory: Path) -> Iterator[None]:
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EACCES):
+                raise FileError(
+                    f"{directory}: its file system does not lock files ({error.strerror}); choose an output "
+                    "directory on another one"
+                ) from None
             raise FileError(
                 f"{directory} is in use by another run; wait for it, or choose another output directory"
             ) from None

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.hdf5 import opened, text
+from pilotgen.hdf5 import open_to_read, opened, text
 from pilotgen.posture.kinematics import rotation, rotation_vector
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.descriptor import Floats, Indices
@@ -395,7 +395,7 @@ def _netcdf(path: str) -> dict[str, Floats]:
         if magic == b"\x89HDF\r\n\x1a\n":
             import h5py
 
-            with h5py.File(path, "r") as file4:
+            with open_to_read(path) as file4:
                 return {
                     name: np.array(dataset[()], dtype=np.float64)
                     for name, dataset in file4.items()

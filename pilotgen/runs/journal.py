@@ -9,10 +9,13 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import sqlite3
+import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,6 +44,16 @@ def evaluation_key(fingerprint: str, inputs: Mapping[str, float]) -> str:
     """Hash of everything that determines a result: the fingerprint of study, data, code and solver, and the inputs."""
     text = json.dumps([fingerprint, sorted((name, float(value).hex()) for name, value in inputs.items())])
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _why_locked(path: Path) -> str:
+    """SQLite says "locked" of a file system without locks as well; another file beside the journal tells."""
+    with suppress(OSError), tempfile.TemporaryFile(dir=path.parent) as probe:
+        try:
+            fcntl.lockf(probe, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return f"its file system does not lock files ({error.strerror}); choose an output directory on another one"
+    return "the journal is in use by another run"
 
 
 @dataclass(frozen=True)
@@ -112,7 +125,7 @@ class Journal:
                 f"or recover its rows with: sqlite3 {self.path} .recover"
             )
         elif "locked" in text or "busy" in text:
-            what = "the journal is in use by another run"
+            what = _why_locked(self.path)
         else:
             what = f"the journal failed: {error}"
         return FileError(f"{self.path}: {what}")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, MatrixError
+from pilotgen.hdf5 import open_to_read
 from pilotgen.solver.descriptor import Floats
 from pilotgen.solver.matrices import Matrices, given_tables
 
@@ -268,7 +269,7 @@ def _netcdf_variables(path: str) -> dict[str, NDArray[np.float64]]:
         import h5py
 
         try:
-            with h5py.File(path, "r") as file4:
+            with open_to_read(path) as file4:
                 return {
                     name: np.array(dataset[()], dtype=np.float64)
                     for name, dataset in file4.items()

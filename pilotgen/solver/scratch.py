@@ -8,6 +8,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import shutil
@@ -34,7 +35,7 @@ class ScratchDirectory:
         _remove_abandoned(root)
         while True:
             self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=root))
-            handle = _lock(self.path)
+            handle = _lock(self.path, own=True)
             if handle is not None and self.path.is_dir():
                 break
             if handle is not None:  # another process took it for abandoned before it was locked
@@ -51,15 +52,20 @@ class ScratchDirectory:
         self._handle = -1
 
 
-def _lock(path: Path) -> int | None:
-    """Handle of the directory, locked; None if another process holds it, or it is gone."""
+def _lock(path: Path, own: bool = False) -> int | None:
+    """Handle of the directory, locked; None if another process holds it, or it is gone.
+
+    Where the file system knows no locks the handle is enough for the owner, and nobody takes anything for abandoned.
+    """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | os.O_NOFOLLOW)
     except OSError:
         return None
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except OSError as error:
+        if own and error.errno not in (errno.EAGAIN, errno.EACCES):
+            return handle
         os.close(handle)
         return None
     return handle
