@@ -55,9 +55,9 @@ def _inceptor_text(inceptor: PlacedInceptor) -> Part:
         node="LEVER" if collective else "STICK",
         joint="LEVER_HINGE" if collective else "STICK_PIVOT",
         axis="LEVER_AXIS" if collective else "STICK_AXIS",
-        node_label=2 if collective else 3,
-        joint_label=102 if collective else 103,
-        frame_label=1 if collective else 2,
+        node_label="2" if collective else "3",
+        joint_label="102" if collective else "103",
+        frame_label="1" if collective else "2",
         length=number(inceptor.length_m),
         angle=number(inceptor.angle_deg),
         short_angle=f"{inceptor.angle_deg:.4g}",
@@ -124,7 +124,8 @@ def arm_text(body: Body, cockpit: Cockpit, side: str, poses: Mapping[str, Pose],
     text = _limb_texts(body, cockpit)[side]
     labels = [*text["labels"], *more.pop("labels", ())]
     placed = [(text[name], pose_text(poses[f"{name}_{SUFFIX[side]}"])) for name in SEGMENTS]
-    return {**text, **more, "labels": labels, "poses": placed}
+    names, values = [name for name, _ in labels], [str(value) for _, value in labels]
+    return {**text, **more, "label_names": names, "labels": values, "poses": placed}
 
 
 def _bone_text(segment: Segment, name: str) -> SimpleNamespace:
@@ -143,7 +144,8 @@ def _bone_text(segment: Segment, name: str) -> SimpleNamespace:
         on_axis=on_axis,
         com_y=number(float(segment.com_m[1])),
         com=f"0., {name}_COM, 0." if on_axis else vector(segment.com_m),
-        inertia_entries=[(key, number(float(value))) for key, value in entries],
+        inertia_names=[key for key, _ in entries],
+        inertia_values=[number(float(value)) for _, value in entries],
         inertia=inertia,
     )
 

@@ -24,7 +24,7 @@ def torso_text(seated: SeatedTorso) -> Part:
         SimpleNamespace(
             name=row.name.upper(),
             what=row.what,
-            label=numbered[row.name],
+            label=str(numbered[row.name]),
             place=_point(seated.places[row.name]),
             mass=number(row.mass_kg),
             inertia=number(row.mass_kg * row.gyration_m**2),
@@ -36,8 +36,8 @@ def torso_text(seated: SeatedTorso) -> Part:
             name=f"{spring.name.upper()}_SPRING",
             of=spring.name.upper(),
             frame=f"{spring.name.upper()}_AT",
-            label=FIRST_SPRING + i,
-            frame_label=FIRST_FRAME + i,
+            label=str(FIRST_SPRING + i),
+            frame_label=str(FIRST_FRAME + i),
             first=spring.first.upper(),
             second=spring.second.upper(),
             inclined=spring.inclined,
@@ -54,7 +54,7 @@ def torso_text(seated: SeatedTorso) -> Part:
         SimpleNamespace(
             name=f"CARRIED_{side.upper()}_ARM",
             side=side,
-            label=FIRST_NODE + len(bodies) + i,
+            label=str(FIRST_NODE + len(bodies) + i),
             mass=number(mass_kg),
             place=_point((at[0] - carrier[0], at[1] - carrier[1], at[2] - carrier[2])),
         )

@@ -289,7 +289,9 @@ def test_full_inertia_is_written_row_by_row() -> None:
     hand = body.limbs["left"].segments["hand"]
     J = hand.inertia_kg_m2 + np.array([[0.0, 1e-5, 2e-5], [1e-5, 0.0, 3e-5], [2e-5, 3e-5, 0.0]])
     card = parts._bone_text(replace(hand, inertia_kg_m2=J, com_m=np.array([0.01, -0.05, 0.0])), "HAND_L")
-    values = {f"HAND_L_{name}": float(value) for name, value in card.inertia_entries}
+    values = {
+        f"HAND_L_{name}": float(value) for name, value in zip(card.inertia_names, card.inertia_values, strict=True)
+    }
     assert not card.on_axis
     assert card.inertia == "sym, HAND_L_JX, HAND_L_JXY, HAND_L_JXZ, HAND_L_JY, HAND_L_JYZ, HAND_L_JZ"
     assert (values["HAND_L_JXY"], values["HAND_L_JXZ"], values["HAND_L_JYZ"]) == (1e-5, 2e-5, 3e-5)
