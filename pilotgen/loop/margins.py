@@ -26,6 +26,7 @@ from pilotgen.loop.verified import affordable, verified
 
 REAL_AXIS, UNIT_CIRCLE = "real axis", "unit circle"
 
+_CONDITION = 1e5  # of eigenvectors, up to which a pilot is taken apart into poles and residues (linear/modal.py)
 _TWO_PI = 2.0 * math.pi
 _EPS = float(np.finfo(float).eps)
 
@@ -167,8 +168,10 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     exact = affordable(model)
     if exact and fractions is None:
         return exact_margins(rational(model))
-    largest = largest_real_part(model)
     features = _features(model, fractions)
+    if _small_gain(model, fractions, features):
+        return _margins(model.D, True, features)
+    largest = largest_real_part(model)
     why, stable, interval = "", False, None
     if largest is not None:
         stable = largest[1] < 0.0
@@ -186,6 +189,20 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
         return exact_margins(rational(model))
     why += f", and {model.n_states} states with such entries are too many for exact arithmetic"
     return _margins(model.D, None if interval else stable, features, why, interval)
+
+
+def _small_gain(model: StateSpaceModel, fractions: PartialFractions | None, features: LocusFeatures) -> bool:
+    """Whether the loop is stable because L is stable by itself and |L| < 1 everywhere: no eigenvalues are needed.
+
+    |L| is below 1 at infinity and nowhere crosses the unit circle, told for certain. The poles of L come with
+    round-off, of eps times the fastest times their eigenvectors' condition (`_CONDITION` at most, else there are no
+    fractions).
+    """
+    if fractions is None or features.doubtful or features.unit_circle.L.size or not abs(model.D) < 1.0:
+        return False
+    poles = fractions.all_poles
+    reach = model.n_states * _EPS * _CONDITION * float(np.abs(poles).max(initial=0.0))
+    return bool(poles.real.max(initial=-math.inf) < -reach)
 
 
 def _features(model: StateSpaceModel, fractions: PartialFractions | None) -> LocusFeatures:
