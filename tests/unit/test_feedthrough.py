@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.testing import assert_allclose
 
 from pilotgen.errors import EvaluationError, FileError, MatrixError, StudyError
 from pilotgen.linear.feedthrough import CERTIFICATE_BAND_HZ, certificate, make_pilot_model, mayo_pilot
-from pilotgen.linear.imposed_motion import Channels, full_order_response, split
+from pilotgen.linear.imposed_motion import Channels, full_order_response, split, translation_error
 from pilotgen.linear.pilot_model import PilotModel, read_pilot_model
 from pilotgen.solver.matrices import Matrices, descriptor
 
@@ -288,3 +289,24 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
         read_pilot_model(path)
     with pytest.raises(FileError, match="cannot be written"):
         make_pilot_model(lever_on_seat(), 0.4).write(tmp_path / "no" / "such" / "place.h5")
+
+
+@pytest.mark.parametrize("part", ["K", "C", "Phi_0", "Phi_1"])
+def test_translation_check_sees_every_block(part: str) -> None:
+    """Seat and two coordinates translate together by 1; a block that does not follow is off by half of its size."""
+    columns = {"K": "K_imposed", "C": "C_imposed", "Phi_0": "g_y_imposed", "Phi_1": "g_ydot_imposed"}
+    blocks = {name: np.array([[2.0, 0.0], [0.0, 2.0]]) for name in columns}
+    seat = {column: np.array([[-2.0], [-2.0 if name != part else -1.0]]) for name, column in columns.items()}
+
+    def error(imposed: dict[str, np.ndarray]) -> float:
+        return translation_error(
+            SimpleNamespace(
+                free=SimpleNamespace(constraint_rows=np.arange(2)),
+                form=SimpleNamespace(**blocks),
+                rigid=np.ones((2, 1)),
+                **imposed,
+            )  # type: ignore[arg-type]
+        )
+
+    assert error(seat) == pytest.approx(0.5)
+    assert error({column: np.full((2, 1), -2.0) for column in seat}) == 0.0

@@ -306,3 +306,16 @@ def test_a_pilot_whose_stability_cannot_be_told_is_a_failed_one(monkeypatch: pyt
         failed = evaluate(context, values)
     assert isinstance(failed, FailedEvaluation)
     assert failed.stage == "margins" and "cannot be told: in double precision the largest real part" in failed.reason
+
+
+def test_delay_margin_of_points_that_lead() -> None:
+    """-L leads at no crossing: both lag behind the axis by more than 180 deg, which a delay has to go round for."""
+    zeta, z = 0.01, math.tan(math.radians(80.0))
+    gain = 2.0 * 2.0 * zeta / math.hypot(1.0, z)  # peak 2 at -80 deg of -L; circle at -20, -140
+    m = margins(transfer_function([-gain, -gain * z], [1.0, 2.0 * zeta, 1.0]))
+    circle = [c for c in m.crossings if c.kind == "unit circle"]
+    assert m.stable and [round(c.phase_deg, -1) for c in circle] == [-20.0, -140.0]
+    wanted = [(math.radians(360.0 + c.phase_deg)) / (TWO_PI * c.frequency_hz) for c in circle]
+    assert m.delay_margin_s == pytest.approx(min(wanted), rel=1e-9)
+    assert m.delay_margin_s > math.pi and m.delay_margin_hz == circle[1].frequency_hz
+    assert m.phase_margin_deg == pytest.approx(-circle[0].phase_deg)
