@@ -31,9 +31,9 @@ from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilo
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.reflex_delay import delay_reflex, delayed_certificate
 from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
+from pilotgen.loop.rotorcraft_model import rotorcraft_model
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
 from pilotgen.posture.seated_torso import SeatedTorso, seat_torso
@@ -112,7 +112,7 @@ class EvaluationContext:
         # A missing program is found out before anything is written.
         self.mbdae = find_mbdae(mbdae) if study.pilot.model == "multibody" else None
         self.mbdyn = find_mbdyn(mbdyn) if solver == "mbdyn" else None
-        self.helicopter = HeaveModel(study.rotorcraft)
+        self.helicopter = rotorcraft_model(study.rotorcraft)
         self.solver_seconds = 0.0
         self._client: SolverClient | None = None
         self._scratch = ScratchDirectory()
@@ -464,7 +464,7 @@ def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> t
     """
     inceptor = study.inceptor
     same = study.rotorcraft is context.study.rotorcraft
-    helicopter = context.helicopter if same else HeaveModel(study.rotorcraft)
+    helicopter = context.helicopter if same else rotorcraft_model(study.rotorcraft)
     A, B, C, D = model.state_space()
     pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
     loop = LoopModel(pilot, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions())

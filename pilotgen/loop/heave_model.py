@@ -8,6 +8,8 @@ collective bounce instability", eq. (32), in q = [z, beta] (z up, beta the conin
         [ n_b S_b n_b I_b ]                           [ 1/(6 R)    1/8     ]       [ 0  n_b I_b nu_b^2 Omega^2 ]
     F = n_b gamma Omega^2 I_b [ 1/(6 R), 1/8 ]
 
+A load on a sling (k, c) adds d = z - z_load: m, the helicopter alone, becomes m + m_l (c s + k)/(m_l s^2 + c s + k).
+
 SPDX-License-Identifier: BSD-3-Clause
 """
 
@@ -24,7 +26,7 @@ import numpy.typing as npt
 
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
-from pilotgen.study.rotorcraft import NUMBERS, Rotorcraft, load_rotorcraft
+from pilotgen.study.rotorcraft import HEAVE_NUMBERS, Rotorcraft, load_rotorcraft
 from pilotgen.study.schema import study_unit
 
 
@@ -50,10 +52,24 @@ class HeaveModel:
 
     @cached_property
     def state_space(self) -> StateSpaceModel:
-        """States [zdot, beta, betadot]; input theta [rad]; output zddot [m/s^2]."""
+        """States [zdot, beta, betadot] (with a sling also d, ddot); input theta [rad]; output zddot [m/s^2]."""
         M, D, K, F = self._equations
         Mi = np.linalg.inv(M)
         MD, MK, MF = Mi @ D, Mi @ K, Mi @ F
+        sling = self.rotorcraft.sling
+        if sling is not None:
+            load, k, c = sling["load_kg"], sling["stiffness_n_per_m"], sling.get("damping_n_s_per_m", 0.0)
+            A = np.zeros((5, 5))
+            A[0, :3] = -MD[0, 0], -MK[0, 1], -MD[0, 1]
+            A[1, 2] = 1.0
+            A[2, :3] = -MD[1, 0], -MK[1, 1], -MD[1, 1]
+            A[3, 4] = 1.0
+            pull = np.array([k, c])  # on the helicopter, down
+            A[0, 3:] -= Mi[0, 0] * pull
+            A[2, 3:] -= Mi[1, 0] * pull
+            A[4] = A[0]
+            A[4, 3:] -= pull / load
+            return StateSpaceModel(A, np.array([MF[0], 0.0, MF[1], 0.0, MF[0]]), A[0].copy(), float(MF[0]))
         A = np.array(
             [
                 [-MD[0, 0], -MK[0, 1], -MD[0, 1]],
@@ -116,7 +132,7 @@ def rotorcraft_report(rotorcraft: str | Mapping[str, Any] | Rotorcraft) -> str:
     model = HeaveModel(r)
     numerator, denominator = model.transfer_function
     lines = [r.name, f"  source: {r.source}", ""]
-    lines += [f"  {key:<26} {getattr(r, key):>10g} {study_unit(f'rotorcraft.{key}')}".rstrip() for key in NUMBERS]
+    lines += [f"  {key:<26} {getattr(r, key):>10g} {study_unit(f'rotorcraft.{key}')}".rstrip() for key in HEAVE_NUMBERS]
     lines += ["", "Poles of heave and coning (one more at 0 for the height itself)"]
     for pole in sorted(model.poles, key=lambda p: (abs(p), -p.imag)):
         if pole.imag < 0.0:

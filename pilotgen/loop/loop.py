@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from pilotgen.linear.partial_fractions import PartialFractions
 from pilotgen.linear.statespace import ComplexArray, StateSpaceModel, series
-from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.rotorcraft_model import RotorcraftModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class LoopModel:
     ----------
     pilot : StateSpaceModel
         BDFT with its washout: seat acceleration zddot [m/s^2] -> lever rotation phi [rad].
-    helicopter : HeaveModel
+    helicopter : RotorcraftModel
         Blade pitch theta [rad] -> zddot [m/s^2].
     gearing_rad_per_m : float
         G0, blade pitch per grip travel [rad/m].
@@ -37,7 +37,7 @@ class LoopModel:
     """
 
     pilot: StateSpaceModel
-    helicopter: HeaveModel
+    helicopter: RotorcraftModel
     gearing_rad_per_m: float
     lever_length_m: float
     pilot_fractions: PartialFractions | None = None

@@ -56,14 +56,19 @@ def read_loop(path: Path) -> LoopFile:
     FileError
         The file cannot be read, or does not hold a loop.
     """
+    values = read_values(path)
+    loop = _Reader(path, values).loop()
+    return LoopFile(loop, tuple(key for key in values if key not in (*_KNOWN, *_SAYING_NOTHING)))
+
+
+def read_values(path: Path) -> dict[str, Any]:
+    """Return what a .json or .mat file holds, by key. FileError if it cannot be read."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise FileError(f"{path}: more than {MOST_BYTES // 1_000_000} MB; a loop of that size is not read")
-        values = _read_mat(path) if path.suffix.lower() == ".mat" else _read_json(path)
+        return _read_mat(path) if path.suffix.lower() == ".mat" else _read_json(path)
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror or error})") from None
-    loop = _Reader(path, values).loop()
-    return LoopFile(loop, tuple(key for key in values if key not in (*_KNOWN, *_SAYING_NOTHING)))
 
 
 # ---- the two kinds of file

@@ -369,12 +369,15 @@ class Section(Field):
         Keys of which exactly one is wanted.
     why : str
         Why not more of them.
+    instead : tuple of str
+        Keys of which any one stands for all that are required.
     """
 
     words: Callable[[], Sequence[str]] | None = None
     unknown: Callable[[str, Any], str] | None = None
     either: tuple[str, ...] = ()
     why: str = ""
+    instead: tuple[str, ...] = ()
 
     def check(self, what: str, data: Any) -> Any:
         """Return a word that stands for the mapping, or None; a mapping is read key by key.

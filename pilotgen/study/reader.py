@@ -59,6 +59,8 @@ def read_section(value: Value, path: str, model: str, problems: Problems) -> Any
             return _word(value, path, model, declared.words())
         return None
     required = [key for key, own in known.items() if SCHEMA[own].default is REQUIRED and applies(own, model)]
+    if isinstance(data, dict) and any(key in data for key in declared.instead):
+        required = []
     if not isinstance(data, dict):
         wanted = f"a mapping with the keys {', '.join(required or known)} is wanted"
         if declared.words is not None:

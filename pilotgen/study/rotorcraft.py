@@ -5,35 +5,77 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from pilotgen.study.fields import Mistake, Problems, Value, shown
+from pilotgen.errors import FileError
+from pilotgen.study.fields import REQUIRED, Mistake, Problems, Value, shown
 from pilotgen.study.reader import read_section
 from pilotgen.study.schema import SCHEMA, defaults, members
 from pilotgen.study.yaml_file import YamlDocument, bundled
 
-NUMBERS = tuple(key for key, path in members("rotorcraft").items() if SCHEMA[path].numeric)
+HEAVE_NUMBERS = tuple(
+    key for key, path in members("rotorcraft").items() if SCHEMA[path].numeric and SCHEMA[path].default is REQUIRED
+)
+_FILES = ("state_space", "transfer_function")
 
 
 @dataclass(frozen=True)
 class Rotorcraft:
-    """What the heave and coning model needs to know of a rotorcraft (paper, Table 1)."""
+    """What the dynamics of a rotorcraft are made of: symbols of the paper's Table 1, or a file; and what stands around.
 
-    mass_kg: float
-    blades: int
-    rotor_radius_m: float
-    rotor_speed_hz: float
-    lock_number: float
-    flap_static_moment_kg_m: float
-    flap_inertia_kg_m2: float
-    flap_frequency_ratio: float
+    The symbols are NaN where a file gives the dynamics.
+    """
+
+    mass_kg: float = math.nan
+    blades: int = 0
+    rotor_radius_m: float = math.nan
+    rotor_speed_hz: float = math.nan
+    lock_number: float = math.nan
+    flap_static_moment_kg_m: float = math.nan
+    flap_inertia_kg_m2: float = math.nan
+    flap_frequency_ratio: float = math.nan
     name: str = "rotorcraft of the study"
     source: str = "study file"
+    state_space: str | None = None
+    transfer_function: str | None = None
+    inflow_lead_rad_s: float | None = None
+    delay_s: float = 0.0
+    actuator: Mapping[str, Any] | None = None
+    notch: Mapping[str, Any] | None = None
+    sling: Mapping[str, Any] | None = None
+
+    @property
+    def plant_file(self) -> str | None:
+        """The file with the dynamics, if there is one."""
+        return self.state_space or self.transfer_function
+
+    def given(self) -> dict[str, Any]:
+        """What a study file has to say of it: no symbol that is not there, no part that is left out."""
+        plain = dataclasses.asdict(self)
+        unset = {key: field.default for key, field in self.__dataclass_fields__.items()}
+        return {key: value for key, value in plain.items() if value == value and value != unset[key]}
+
+    def determining(self) -> dict[str, Any]:
+        """What determines its dynamics; of a file its content, not its name."""
+        plain = {key: value for key, value in self.given().items() if key not in ("name", "source", *_FILES)}
+        if self.plant_file is not None:
+            try:
+                plain["file_sha256"] = hashlib.sha256(Path(self.plant_file).read_bytes()).hexdigest()
+            except OSError as error:
+                raise FileError(f"{self.plant_file}: cannot be read ({error.strerror})") from None
+        return plain
 
     def __post_init__(self) -> None:
-        for key in NUMBERS:
+        if self.plant_file is not None:
+            self._check_plant()
+            return
+        for key in HEAVE_NUMBERS:
             value = getattr(self, key)
             SCHEMA[f"rotorcraft.{key}"].check(f"rotorcraft.{key} = {shown(value)}", value)
         coupling = self.blades * self.flap_static_moment_kg_m**2
@@ -44,6 +86,27 @@ class Rotorcraft:
                 f"is too large for mass_kg = {self.mass_kg:g} and flap_inertia_kg_m2 = {self.flap_inertia_kg_m2:g}: "
                 "blades weigh more than the whole rotorcraft (blades * S^2 must be below mass * I)",
             )
+
+    def _check_plant(self) -> None:
+        given = [key for key in HEAVE_NUMBERS if getattr(self, key) == getattr(self, key) and getattr(self, key)]
+        given += ["sling"] if self.sling is not None else []
+        if given:
+            raise Mistake(
+                f"rotorcraft.{given[0]}",
+                getattr(self, given[0]),
+                "means nothing beside a file with the whole dynamics; remove it",
+            )
+        if self.state_space is not None and self.transfer_function is not None:
+            raise Mistake("rotorcraft.transfer_function", self.transfer_function, "and state_space exclude each other")
+
+
+def beside(checked: Any, study: str) -> Any:
+    """Checked data of a rotorcraft with the path of its file from here: files lie beside the study that names them."""
+    if not isinstance(checked, dict):
+        return checked
+    directory = Path(study).parent if study else Path()
+    files = {key: str(directory / checked[key]) for key in _FILES if checked.get(key)}
+    return {**checked, **files}
 
 
 def bundled_rotorcraft() -> list[str]:

@@ -99,7 +99,8 @@ SCHEMA: Mapping[str, Field] = {
     "rotorcraft": Section(
         words=lambda: tuple(bundled("rotorcraft").value),
         unknown=_rotor_speed_in_another_unit,
-        meaning="a bundled rotorcraft, or a mapping with the symbols of its heave model",
+        instead=("state_space", "transfer_function"),
+        meaning="a bundled rotorcraft, or a mapping with the symbols of its heave model or a file of its dynamics",
     ),
     "rotorcraft.mass_kg": Number(100.0, 100_000.0, "kg", hint="the total mass of the vehicle", meaning="total mass"),
     "rotorcraft.blades": Whole(1, 10, meaning="number of blades"),
@@ -129,6 +130,27 @@ SCHEMA: Mapping[str, Field] = {
         hint="rotating flap frequency over rotor speed",
         meaning="rotating flap frequency over Omega",
     ),
+    "rotorcraft.state_space": Text(
+        default=None, null=True, meaning="file with the dynamics instead of the symbols above, beside the study file"
+    ),
+    "rotorcraft.transfer_function": Text(default=None, null=True, meaning="the same as a transfer function"),
+    "rotorcraft.inflow_lead_rad_s": Number(
+        1.0, 200.0, "rad/s", default=None, null=True, meaning="zero of the thrust's overshoot before the inflow follows"
+    ),
+    "rotorcraft.delay_s": Number(0.0, 0.2, "s", default=0.0, meaning="pure delay between lever and blades"),
+    "rotorcraft.actuator": Section(default=None, null=True, meaning="of the blade pitch"),
+    "rotorcraft.actuator.corner_rad_s": Number(1.0, 1000.0, "rad/s", meaning="corner, or undamped natural frequency"),
+    "rotorcraft.actuator.damping": Number(
+        0.05, 2.0, default=None, null=True, meaning="damping ratio of a second order; null: first order"
+    ),
+    "rotorcraft.notch": Section(default=None, null=True, meaning="filter of the flight control system"),
+    "rotorcraft.notch.frequency_hz": Number(0.1, 50.0, "Hz", meaning="where it is deepest"),
+    "rotorcraft.notch.zero_damping": Number(0.0, 2.0, meaning="damping ratio of its zeros"),
+    "rotorcraft.notch.pole_damping": Number(0.01, 2.0, meaning="damping ratio of its poles"),
+    "rotorcraft.sling": Section(default=None, null=True, meaning="a load below; mass_kg is the helicopter alone then"),
+    "rotorcraft.sling.load_kg": Number(1.0, 50_000.0, "kg", meaning="mass of the load"),
+    "rotorcraft.sling.stiffness_n_per_m": Number(1e3, 1e8, "N/m", meaning="of sling and pendant, load hanging"),
+    "rotorcraft.sling.damping_n_s_per_m": Number(0.0, 1e6, "N s/m", default=0.0, meaning="the same"),
     "rotorcraft.name": Text(default="rotorcraft of the study", meaning="what reports call it"),
     "rotorcraft.source": Text(default="study file", meaning="where the numbers are from"),
     # ---- inceptor

@@ -22,7 +22,7 @@ from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
 from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
 from pilotgen.study.reader import read_tree
-from pilotgen.study.rotorcraft import Rotorcraft, rotorcraft_from
+from pilotgen.study.rotorcraft import Rotorcraft, beside, rotorcraft_from
 from pilotgen.study.schema import (
     MAYO,
     MAYO_PRESETS,
@@ -267,7 +267,9 @@ class Study:
         sections: dict[str, Any] = {}
         for section, make in _MAKERS.items():
             data = self._plain(section)
-            if isinstance(data, Mapping):  # what has to be there, and what is not as usual
+            if section == "rotorcraft":
+                data = self.rotorcraft.given()
+            elif isinstance(data, Mapping):  # what has to be there, and what is not as usual
                 known = {key: own for key, own in members(section).items() if applies(own, self.pilot.model)}
                 required = {key: data[key] for key, own in known.items() if SCHEMA[own].default is REQUIRED}
                 data = {**required, **_differences(data, _plain(make(required)), section, self.pilot.model)}
@@ -282,10 +284,10 @@ class Study:
         Two studies with the same text here give the same result for the same values; search settings, nominal values,
         comments and the study's name are not part of it.
         """
-        pilot, rotorcraft = dataclasses.asdict(self.pilot), dataclasses.asdict(self.rotorcraft)
+        pilot = dataclasses.asdict(self.pilot)
         content: dict[str, Any] = {
             "inceptor": dataclasses.asdict(self.inceptor),
-            "rotorcraft": {key: value for key, value in rotorcraft.items() if key not in ("name", "source")},
+            "rotorcraft": self.rotorcraft.determining(),
         }
         if self.pilot.model == MAYO:
             content["pilot"] = {key: pilot[key] for key in pilot if applies(f"pilot.{key}", MAYO)}
@@ -353,6 +355,7 @@ def _study(document: YamlDocument) -> Study:
     problems = Problems()
     tree = read_tree(document, problems)
     problems.tell()
+    tree["rotorcraft"] = beside(tree.get("rotorcraft"), document.name)
     parts: dict[str, Any] = {}
     for section, make in _MAKERS.items():
         with problems.collect():

@@ -1,0 +1,226 @@
+"""A rotorcraft as the loop sees it: blade pitch in, vertical acceleration of the seat out.
+
+Anything with the members of `RotorcraftModel` closes a loop: the heave and coning model, a state space or transfer
+function of the user's (`PlantFile`), and either of them behind an actuator, a delay, a notch filter (`Chained`). Blade
+pitch in rad, more collective positive; acceleration in m/s^2, up positive (docs/theory/loop.md).
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from pilotgen.errors import FileError, PilotgenError
+from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
+from pilotgen.linear.statespace import ComplexArray, StateSpaceModel, series, transfer_function, zeros_poles_gain
+from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.study.fields import Mistake
+from pilotgen.study.rotorcraft import Rotorcraft
+
+DELAY_ERROR = 1e-6  # of the rational delay below DELAY_BAND_HZ, against exp(-j omega T)
+DELAY_BAND_HZ = 10.0
+
+
+class RotorcraftModel(Protocol):
+    """What a loop asks of a rotorcraft."""
+
+    @property
+    def state_space(self) -> StateSpaceModel:
+        """Blade pitch [rad] -> vertical acceleration of the seat [m/s^2]."""
+
+    @property
+    def partial_fractions(self) -> PartialFractions | None:
+        """The same as a sum over its poles, if it has such a form."""
+
+    def response(self, omega: npt.ArrayLike) -> ComplexArray:
+        """H(j omega) [m/s^2 per rad], omega in rad/s, any shape; delays exactly."""
+
+
+def rotorcraft_model(rotorcraft: Rotorcraft) -> RotorcraftModel:
+    """The dynamics of a study's rotorcraft.
+
+    Raises
+    ------
+    FileError
+        Its plant file cannot be read or is none.
+    StudyError
+        An inflow lead without an actuator: no proper model.
+    """
+    base: RotorcraftModel = HeaveModel(rotorcraft) if rotorcraft.plant_file is None else read_plant(rotorcraft)
+    parts = chain_of(rotorcraft)
+    return Chained(base, parts, rotorcraft.delay_s) if parts is not None or rotorcraft.delay_s else base
+
+
+def chain_of(rotorcraft: Rotorcraft) -> StateSpaceModel | None:
+    """What stands between the lever and the blades, delays apart: inflow lead, actuator, notch; None for nothing.
+
+    An actuator is w/(s + w), or w^2/(s^2 + 2 zeta w s + w^2) where it has a damping ratio. The inflow lead is
+    (s + z)/z: the thrust overshoots before the inflow has followed. The notch is (s^2 + 2 zeta_z w s + w^2) over the
+    same with zeta_p.
+    """
+    lead, actuator, notch = rotorcraft.inflow_lead_rad_s, rotorcraft.actuator, rotorcraft.notch
+    numerator = np.ones(1) if lead is None else np.array([1.0 / lead, 1.0])
+    if lead is not None and actuator is None:
+        raise Mistake(
+            "rotorcraft.inflow_lead_rad_s",
+            lead,
+            "differentiates; give rotorcraft.actuator as well, which no blade pitch is without",
+        )
+    models = []
+    if actuator is not None:
+        w, damping = actuator["corner_rad_s"], actuator.get("damping")
+        denominator = [1.0 / w, 1.0] if damping is None else [1.0 / w**2, 2.0 * damping / w, 1.0]
+        models.append(transfer_function(numerator.tolist(), denominator))
+    if notch is not None:
+        w = 2.0 * math.pi * notch["frequency_hz"]
+        top, bottom = ([1.0 / w**2, 2.0 * notch[f"{part}_damping"] / w, 1.0] for part in ("zero", "pole"))
+        models.append(transfer_function(top, bottom))
+    if not models:
+        return None
+    return models[0] if len(models) == 1 else series(models[0], models[1])
+
+
+def pade_delay(delay_s: float, error: float = DELAY_ERROR, band_hz: float = DELAY_BAND_HZ) -> StateSpaceModel:
+    """A rational all-pass for exp(-s T): Pade's, of the lowest order whose error below `band_hz` is at most `error`.
+
+    Built section by section from its poles (zeros mirrored), which stays well scaled at any order.
+
+    Raises
+    ------
+    PilotgenError
+        The delay is so long that order 15 does not do.
+    """
+    s = 1j * np.linspace(0.0, 2.0 * math.pi * band_hz * delay_s, 400)
+    for order in range(1, 16):
+        # sum over k of (2n-k)! n! / ((2n)! k! (n-k)!) x^k, highest power first
+        coefficients = [
+            math.factorial(2 * order - k)
+            * math.factorial(order)
+            / (math.factorial(2 * order) * math.factorial(k) * math.factorial(order - k))
+            for k in range(order, -1, -1)
+        ]
+        ratio = np.polyval(coefficients, -s) / np.polyval(coefficients, s)
+        if np.abs(ratio - np.exp(-s)).max() <= error:
+            poles = np.roots(coefficients) / delay_s
+            pairs = [p for p in poles if p.imag >= 0.0]
+            paired = [q for p in pairs for q in ((p, p.conjugate()) if p.imag > 0.0 else (complex(p.real),))]
+            return zeros_poles_gain([-p.conjugate() for p in paired], paired, (-1.0) ** order)
+    raise PilotgenError(
+        f"a delay of {delay_s:g} s is too long: no rational delay of order 15 follows it to {band_hz:g} Hz"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Chained:
+    """A rotorcraft behind actuator, lead, notch and delay.
+
+    Parameters
+    ----------
+    base : RotorcraftModel
+        The rotorcraft itself.
+    parts : StateSpaceModel or None
+        In front of it.
+    delay_s : float
+        Pure delay [s]: exact in `response`, a rational all-pass in `state_space`.
+    """
+
+    base: RotorcraftModel
+    parts: StateSpaceModel | None
+    delay_s: float = 0.0
+
+    @cached_property
+    def state_space(self) -> StateSpaceModel:
+        """Chain, then rotorcraft; the delay is rational, right to 1e-6 below 10 Hz."""
+        whole = self.base.state_space if self.parts is None else series(self.parts, self.base.state_space)
+        return series(pade_delay(self.delay_s), whole) if self.delay_s else whole
+
+    @cached_property
+    def partial_fractions(self) -> PartialFractions | None:
+        """As a sum over the poles; None where they are (nearly) equal."""
+        return fractions_of(self.state_space)
+
+    def response(self, omega: npt.ArrayLike) -> ComplexArray:
+        """H(j omega) [m/s^2 per rad]."""
+        w = np.asarray(omega, dtype=float)
+        H = self.base.response(w) * np.exp(-1j * w * self.delay_s)
+        return H if self.parts is None else H * self.parts.response(w)
+
+
+def fractions_of(model: StateSpaceModel) -> PartialFractions | None:
+    """A state space as a sum over its poles; None where two of them are (nearly) equal."""
+    poles, residues = poles_and_residues(model.A, model.B, model.C)
+    return None if residues is None else PartialFractions(poles, residues, model.D)
+
+
+# ---- plants from files
+
+
+@dataclass(frozen=True, eq=False)
+class PlantFile:
+    """A state space or transfer function of the user's."""
+
+    state_space: StateSpaceModel
+
+    @cached_property
+    def partial_fractions(self) -> PartialFractions | None:
+        """As a sum over the poles."""
+        return fractions_of(self.state_space)
+
+    def response(self, omega: npt.ArrayLike) -> ComplexArray:
+        """H(j omega) [m/s^2 per rad]."""
+        return self.state_space.response(omega)
+
+
+INPUT_FACTORS: Mapping[str, float] = {"rad": 1.0, "deg": math.degrees(1.0)}
+OUTPUT_FACTORS: Mapping[str, float] = {"m/s^2": 1.0, "g": 9.80665, "ft/s^2": 0.3048}
+_SIGNS = {"up": 1.0, "down": -1.0}
+
+
+def read_plant(rotorcraft: Rotorcraft) -> PlantFile:
+    """Read the file that a study names as `rotorcraft.state_space` or `rotorcraft.transfer_function`.
+
+    The file is one that `pilotgen margins` reads (docs/io_formats/loop.md), as state space or transfer function, with
+    the keys `input_unit` (rad, deg; of blade pitch), `output_unit` (m/s^2, g, ft/s^2) and `output_positive` (up, down),
+    none of which has a default.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, is of another form, or says nothing of its units and sign.
+    """
+    from pilotgen.loop.loop_file import read_loop, read_values
+
+    path = Path(rotorcraft.plant_file or "")
+    values = read_values(path)
+    gain = _stated(path, values, "output_unit", OUTPUT_FACTORS)
+    gain *= _stated(path, values, "output_positive", _SIGNS) * _stated(path, values, "input_unit", INPUT_FACTORS)
+    found = read_loop(path).loop  # checked whole, whatever its form
+    if isinstance(found, StateSpaceModel):
+        model = found
+    elif "num" in values:
+        model = transfer_function(*(np.ravel(values[key]).astype(float).tolist() for key in ("num", "den")))
+    elif "zeros" in values:
+        zeros, poles = ([complex(*np.ravel(r)) for r in values[key]] for key in ("zeros", "poles"))
+        model = zeros_poles_gain(zeros, poles, float(np.ravel(values["gain"])[0]))
+    else:
+        raise FileError(f"{path}: frequency response data; a plant of a study is a state space or a transfer function")
+    return PlantFile(model.scaled(gain) if gain != 1.0 else model)
+
+
+def _stated(path: Path, values: Mapping[str, Any], key: str, known: Mapping[str, float]) -> float:
+    given = values.get(key)
+    if isinstance(given, np.ndarray) and given.size == 1:  # text in a .mat file
+        given = str(given.ravel()[0])
+    if not isinstance(given, str) or given not in known:
+        came = "is missing" if given is None else f"= {str(given)[:40]!r} is not known"
+        raise FileError(f"{path}: {key} {came}; a plant says it: one of {', '.join(known)}")
+    return known[given]
