@@ -31,6 +31,7 @@ COMMANDS = (
     "compare",
     "compare-motion",
     "check-mbdyn",
+    "export",
     "margins",
     "rotorcraft",
     "torso",

@@ -250,7 +250,7 @@ class PilotModel:
         C[:, n_f:] += self.C[chosen]
         return A, B, C, D
 
-    def _all_outputs(self, washout: bool) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
+    def all_outputs(self, washout: bool) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
         """Return the state space with every output and the grip motion, their names and units."""
         A, B, C, D = self.state_space(range(len(self.outputs)), washout)
         C, D = np.vstack([C, self.lever_length_m * C[0]]), np.vstack([D, self.lever_length_m * D[0]])
@@ -265,14 +265,14 @@ class PilotModel:
         """Return a `control.StateSpace` with named signals: accelerations in, rotations and grip motion out."""
         import control
 
-        A, B, C, D, names, _ = self._all_outputs(washout)
+        A, B, C, D, names, _ = self.all_outputs(washout)
         return control.ss(A, B, C, D, inputs=list(self.inputs), outputs=names, name=f"pilot_{self.projection}")
 
     # ---- file
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the model as HDF5 (docs/io_formats/pilot_model.md), replacing the file; FileError if that fails."""
-        A, B, C, D, names, units = self._all_outputs(washout=True)
+        A, B, C, D, names, units = self.all_outputs(washout=True)
         with NewFile(path, FILETYPE, VERSION) as new:
             file = new.file
             file.attrs["projection"] = np.bytes_(self.projection)

@@ -1,0 +1,113 @@
+"""`pilotgen export`: a pilot's feedthrough for other programs.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from pilotgen.commands import common
+
+FORMATS = ("json", "mat", "h5", "csv")
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "export",
+        "a pilot's feedthrough for python-control, MATLAB, Octave, Julia",
+        "Write the feedthrough of a pilot that `pilotgen pilot` evaluated: as state space with named signals and units "
+        "(json, mat, h5) or as a table of frequency responses (csv). With --axes the whole matrix: accelerations of "
+        "the seat in six directions, rotations of the controls (docs/export.md).",
+        "pilotgen export results/pilot --format mat -o pilot.mat --axes heave,pitch",
+    )
+    parser.add_argument("directory", metavar="PILOTDIR", type=common.user_path, help="output of `pilotgen pilot`")
+    parser.add_argument("--format", choices=FORMATS, default="json", help="json (default), mat, h5 or csv")
+    parser.add_argument("-o", "--output", metavar="FILE", type=common.user_path, required=True, help="file to write")
+    parser.add_argument(
+        "--axes",
+        metavar="NAMES",
+        help="seat motions, separated by commas: heave, surge, sway, roll, pitch, yaw, or all (default: heave)",
+    )
+    parser.add_argument(
+        "--point",
+        metavar="X,Y,Z",
+        help="point about which rotations turn, from the seat reference point [m]: forward, up, right (default 0,0,0)",
+    )
+    parser.add_argument("--no-washout", action="store_true", help="the body alone, without the pilot's washout")
+    parser.add_argument("--order", type=int, metavar="N", help="balanced reduction to N states")
+    parser.add_argument("--tolerance", type=float, metavar="T", help="balanced reduction to a relative error of T")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, choose axes, reduce, write."""
+    from pilotgen.errors import FileError, StudyError
+    from pilotgen.files import write_bytes, write_text
+    from pilotgen.linear import export
+
+    if args.output.exists():
+        raise FileError(f"{args.output}: exists; choose another file")
+    wants_reduction = args.order is not None or args.tolerance is not None
+    if args.format == "h5" and (wants_reduction or args.no_washout):
+        raise StudyError("--format h5 is the whole model with its washout apart; --order, --tolerance and --no-washout "
+                         "go with json, mat and csv")  # fmt: skip
+    model = _model(args)
+    if args.format == "h5":
+        model.write(args.output)
+        return 0
+    system = export.named(model, washout=not args.no_washout)
+    states = len(system.A)
+    if wants_reduction:
+        system = export.reduced(system, args.order, args.tolerance)
+        print(f"{states} states reduced to {len(system.A)}, largest error {system.error:.2g} of the largest gain")
+    if args.format == "mat":
+        write_bytes(args.output, export.as_mat(system))
+    elif args.format == "csv":
+        write_text(args.output, export.as_table(system))
+    else:
+        write_text(args.output, json.dumps(export.as_object(system), indent=1, allow_nan=False) + "\n")
+    return 0
+
+
+def _model(args: argparse.Namespace) -> Any:
+    """The pilot's model; made anew from his matrices for other axes than heave."""
+    from pilotgen.errors import StudyError
+    from pilotgen.linear.feedthrough import make_pilot_model
+    from pilotgen.linear.imposed_motion import SEAT_MOTIONS, Channels
+    from pilotgen.linear.pilot_model import read_pilot_model
+    from pilotgen.solver.matrices import read_matrices
+
+    model = read_pilot_model(args.directory / "pilot_model.h5")
+    if args.axes is None and args.point is None:
+        return model
+    names = [name.strip() for name in (args.axes or "heave").split(",")]
+    inputs = tuple(SEAT_MOTIONS) if names == ["all"] else tuple(names)
+    if model.projection != "exact":
+        raise StudyError(
+            f"{args.directory}: a pilot of projection {model.projection!r} has heave alone; other axes need a "
+            "multibody pilot of the exact projection"
+        )
+    channels = Channels(inputs=inputs, point_m=_point(args.point))
+    matrices = read_matrices(args.directory / "matrices.h5")
+    return make_pilot_model(matrices, model.lever_length_m, model.washout_rad_s, channels=channels)
+
+
+def _point(text: str | None) -> tuple[float, float, float]:
+    import math
+
+    from pilotgen.errors import StudyError
+
+    if text is None:
+        return 0.0, 0.0, 0.0
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise StudyError(f"--point {text}: three numbers separated by commas are wanted, such as 0.3,-0.4,0") from None
+    if not all(math.isfinite(value) and abs(value) <= 20.0 for value in (x, y, z)):
+        raise StudyError(f"--point {text}: metres from the seat, at most 20 each, are wanted")
+    return x, y, z
