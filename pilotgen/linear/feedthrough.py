@@ -47,9 +47,9 @@ TRANSLATION_LIMIT = 1e-9
 ROTATION_LIMIT = 1e-9
 CERTIFICATE_BAND_HZ = (0.1, 20.0)
 _FEWEST_CERTIFICATE_POINTS = 4  # however few poles the pilot has
-# However many: a torso on springs has 64. At 24 points, half of them at its own frequencies, an error of the projection
+# However many: a torso on springs has 64. At 16 points, half of them at its own frequencies, an error of the projection
 # shows; a full-order solution costs as much as everything else of a pilot's linear algebra.
-_MOST_CERTIFICATE_POINTS = 24
+_MOST_CERTIFICATE_POINTS = 16
 
 
 def make_pilot_model(
@@ -213,7 +213,7 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
         A model made from matrices (it carries them).
     frequencies_hz : array_like, optional
         Where to compare [Hz]; by default as many points from 0.1 to 20 Hz as the pilot has poles, its own frequencies
-        among them, but 24 at most. With their conjugates as many as poles are enough that no other strictly proper
+        among them, but 16 at most. With their conjugates as many as poles are enough that no other strictly proper
         model of so many poles agrees at all of them.
     output : int
         Which of the model's outputs; by default the collective rotation.

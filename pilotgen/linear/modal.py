@@ -199,7 +199,7 @@ def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalM
     def rigid(u: Numbers) -> NDArray[np.bool_]:
         return _without_stiffness(np.vstack([N_L.T @ form.K @ N_R, form.Phi_0[velocity] @ N_R]), X_R[:n_z] @ u)
 
-    right, left, A, n_zero, n_infinite, solved = _deflate(E, F, rigid)
+    right, left, A, n_zero, n_infinite, solved = _deflate(E, F, rigid, 0 if velocity.any() else n_z)
     lam, right, left, A, diagonal = _diagonalise(right, left, A, solved)
 
     # of a conjugate pair only the first is worked out
@@ -377,8 +377,10 @@ def _zero_threshold(lam: Complexes, V: Numbers, rigid: _Rigid) -> tuple[float, i
     return max(between, largest), int(np.count_nonzero(size <= largest))
 
 
-def _deflate(E: Floats, F: Floats, rigid: _Rigid) -> tuple[Numbers, Numbers, Numbers, int, int, _Eigen | None]:
-    """Split off zero and infinite eigenvalues of lam E + F.
+def _deflate(
+    E: Floats, F: Floats, rigid: _Rigid, n_z: int
+) -> tuple[Numbers, Numbers, Numbers, int, int, _Eigen | None]:
+    """Split off zero and infinite eigenvalues of lam E + F; with n_z > 0 the first n_z rows say z' = zdot.
 
     Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, the
     number of zero and of infinite eigenvalues set aside, and the eigenvectors of A if they are known already.
@@ -386,9 +388,10 @@ def _deflate(E: Floats, F: Floats, rigid: _Rigid) -> tuple[Numbers, Numbers, Num
     size = len(E)
     if size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0, None
-    if _condition(_rows_of_one_size(E)) < 1.0 / np.sqrt(np.finfo(float).eps):
-        solved = np.linalg.solve(E, np.hstack((F, np.eye(size))))
-        H, inverse = -solved[:, :size], solved[:, size:]
+    if _condition(_rows_of_one_size(E[n_z:, n_z:])) < 1.0 / np.sqrt(np.finfo(float).eps):
+        H, inverse = -F, np.eye(size)
+        inverse[n_z:, n_z:] = np.linalg.inv(E[n_z:, n_z:])
+        H[n_z:] = inverse[n_z:, n_z:] @ H[n_z:]
         lam, T = np.linalg.eig(H)
         threshold, n_zero = _zero_threshold(lam, T, rigid)
         if n_zero == 0:
