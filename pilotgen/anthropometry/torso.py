@@ -160,6 +160,14 @@ def torso_points() -> tuple[dict[str, tuple[float, float]], float]:
     return {name: (float(x), float(y)) for name, (x, y) in table["points"].items()}, float(table["shoulder_up_m"])
 
 
+def upper_trunk_share(sex: str) -> float:
+    """Part of the thorax that is upper trunk; the rest is middle trunk."""
+    table = _table()
+    fractions, thorax = table["mass_fractions"][sex], table["bodies"][CARRIER]["mass"]
+    whole = sum(share * fractions[part] for part, share in thorax.items())
+    return float(thorax["upper_trunk"] * fractions["upper_trunk"] / whole)
+
+
 def _resonance_hz(biometrics: Biometrics, numbers: Mapping[str, Any], table: Mapping[str, Any]) -> float:
     reference, scaling = table["reference"], table["scaling"]
     hz = float(scaling["resonance_hz"])

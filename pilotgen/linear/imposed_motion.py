@@ -229,13 +229,16 @@ def _rigid_motion(free: DescriptorModel, channels: Channels, positions: Mapping[
     if not any(SEAT_MOTIONS[name].rotation for name in channels.inputs):
         motion = _motion_of(np.zeros((1, 3)), channels)[0]
         endings = _endings(free.names[free.coordinates].tobytes(), free.names.dtype.str)
-        rigid: Floats = motion[endings]
+        rigid: Floats = np.vstack([motion, np.zeros(motion.shape[1])])[endings]
         return rigid
     if positions is None:
         raise MatrixError("rotations of the seat need the positions of the nodes, which come with a matrices file")
     rigid = np.empty((len(free.coordinates), len(channels.inputs)))
     for row, column in enumerate(free.coordinates):
         node, _, suffix = free.name(int(column)).rpartition(".")
+        if suffix not in _SUFFIXES:  # a modal displacement, relative to the node that carries the body
+            rigid[row] = 0.0
+            continue
         if node not in positions or channels.seat not in positions:
             raise MatrixError(f"the position of node '{node}' or '{channels.seat}' is not known")
         offset = positions[node] - positions[channels.seat]
@@ -245,9 +248,9 @@ def _rigid_motion(free: DescriptorModel, channels: Channels, positions: Mapping[
 
 @lru_cache(maxsize=8)  # the pilots of a study differ in their numbers only
 def _endings(name_bytes: bytes, name_type: str) -> Indices:
-    """Which of the six coordinates of its node each coordinate is."""
-    names = np.frombuffer(name_bytes, name_type)
-    return np.array([_SUFFIXES.index(bytes(name).decode().rpartition(".")[2]) for name in names])
+    """Which of the six coordinates of its node each coordinate is; 6: none, a modal displacement."""
+    endings = [bytes(name).decode().rpartition(".")[2] for name in np.frombuffer(name_bytes, name_type)]
+    return np.array([_SUFFIXES.index(ending) if ending in _SUFFIXES else len(_SUFFIXES) for ending in endings])
 
 
 def translation_error(imposed: ImposedMotion, input: int = 0) -> float:

@@ -82,7 +82,7 @@ def seat_torso(
     c, s = math.cos(angle), math.sin(angle)
     dx, dy = cockpit.seat_shift_m.tolist()
     x, y, z = shoulder.tolist()
-    stretch = ((y - dy) * c - (x - dx) * s) / reference_up  # height of the shoulder along the back
+    stretch = shoulder_up_m(cockpit) / reference_up
 
     def place(name: str) -> Point:
         forward, up = table[name]
@@ -105,6 +105,15 @@ def seat_torso(
         carried_arms=arms,
         prestress=carried,
     )
+
+
+def shoulder_up_m(cockpit: Cockpit) -> float:
+    """Height of the shoulder joints along the seat back, from the seat reference point [m]."""
+    shoulder, _ = next(iter(cockpit.torso.values()))
+    angle = math.radians(cockpit.back_angle_deg)
+    dx, dy = cockpit.seat_shift_m.tolist()
+    x, y, _ = shoulder.tolist()
+    return float((y - dy) * math.cos(angle) - (x - dx) * math.sin(angle))
 
 
 def _loads(

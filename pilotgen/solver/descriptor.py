@@ -27,9 +27,12 @@ Numbers = NDArray[Any]  # real or complex
 Indices = NDArray[np.intp]
 
 NODE_COORDINATES = 6  # position x y z and rotation gx gy gz of one node
-_COORDINATE_KINDS = (b"position", b"rotation")
-_MOMENTUM_KINDS = (b"momentum", b"momenta_moment")
+_COORDINATE_KINDS = (b"position", b"rotation", b"modal_displacement")
+_VELOCITY_KINDS = (b"velocity", b"angular_velocity", b"modal_velocity")  # of modal nodes and modal joints
+_MOMENTUM_KINDS = (b"momentum", b"momenta_moment", *_VELOCITY_KINDS)
 _REACTION_KIND = b"reaction"
+# Entries that define velocities are 0 or 1 up to round-off of sums and differences of J(+-c).
+_DEFINITION_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ class DescriptorModel:
     names : ndarray of bytes, shape (n,)
         Name of each unknown; row k has the name of unknown k.
     coordinates, momenta, reactions : ndarray of int
-        Columns of the node coordinates q, of the momenta p and of the joint reactions.
+        Columns of the coordinates q (of nodes and modal joints), of the momenta p and of the joint reactions. In place
+        of velocities of modal nodes and joints stand the momenta that belong to them, under their names.
     definition_rows : ndarray of int
         Row in which each momentum of `momenta` is defined (same order).
     equilibrium_rows : ndarray of int
@@ -120,49 +124,96 @@ def make_descriptor(
     c : float
         Coefficient of the matrix pair [s].
     names, kinds : ndarray of bytes, shape (n,)
-        Name and kind (`position`, `rotation`, `momentum`, `momenta_moment`, `reaction`) of each unknown.
+        Name and kind (docs/io_formats/matrices.md) of each unknown.
 
     Raises
     ------
     MatrixError
-        If a kind is not known or the momenta do not stand six places after the coordinates of their node.
+        If a kind is not known, the momenta do not stand six places after the coordinates of their node, or velocities
+        are not defined by the rates of their coordinates.
     """
     g_ydot = J_plus + J_minus
     g_ydot *= 0.5
     g_y = J_plus - J_minus
     g_y /= 2.0 * c
-    return DescriptorModel(
-        g_y, g_ydot, names, *_roles(kinds.tobytes(), kinds.dtype.str, names.tobytes(), names.dtype.str)
+    *roles, velocities = _roles(kinds.tobytes(), kinds.dtype.str, names.tobytes(), names.dtype.str)
+    if len(velocities):
+        _velocities_to_momenta(g_y, g_ydot, velocities, roles)
+    return DescriptorModel(g_y, g_ydot, names, *roles)
+
+
+def _velocities_to_momenta(g_y: Floats, g_ydot: Floats, u: Indices, roles: Sequence[Indices]) -> None:
+    """Replace velocities u by momenta p = N u, in place; N is the part of the equilibrium equations by du/dt.
+
+    u is defined by q' + G q - u = 0 with its own coordinates q. Everywhere else u is what this says; its definition
+    becomes N (q' + G q) - p = 0, and N u' in the equilibrium equations p'. N may be singular: nothing else needs u.
+    """
+    coordinates, momenta, _, definitions, equilibria = roles
+    own = definitions[np.searchsorted(momenta, u)]  # columns of the coordinates, and rows that define u
+    rows = equilibria[np.searchsorted(coordinates, own)]
+    rates = np.zeros_like(g_ydot[own])
+    rates[np.arange(len(u)), own] = 1.0
+    wanted = np.zeros((len(u), len(u)))
+    np.fill_diagonal(wanted, -1.0)
+    elsewhere = np.delete(g_ydot[:, u], rows, axis=0)
+    defined = (
+        np.abs(g_ydot[own] - rates).max(),
+        np.abs(block(g_y, own, u) - wanted).max(),
+        np.abs(elsewhere).max(initial=0.0),
     )
+    if max(defined) > _DEFINITION_TOLERANCE:
+        raise MatrixError(
+            "velocities of modal nodes or joints are not the rates of their coordinates in these matrices"
+        )
+    N = block(g_ydot, rows, u)
+    turning = g_y[own]  # G
+    turning[:, u] = 0.0
+    by_u = g_y[:, u]
+    by_u[own] = 0.0
+    g_y[:, u] = 0.0
+    g_y += by_u @ turning
+    g_ydot[:, own] += by_u
+    g_y[own] = N @ turning
+    g_ydot[np.ix_(own, own)] = N
+    g_y[own, u] = -1.0
+    g_ydot[np.ix_(rows, u)] = np.eye(len(u))
 
 
 @lru_cache(maxsize=8)  # the pilots of a study differ in their numbers only
 def _roles(kind_bytes: bytes, kind_type: str, name_bytes: bytes, name_type: str) -> tuple[Indices, ...]:
-    """Return coordinates, momenta, reactions, definition rows and equilibrium rows; names are for messages."""
+    """Return coordinates, momenta, reactions, definition rows, equilibrium rows, velocities among the momenta."""
     kinds, names = np.frombuffer(kind_bytes, kind_type), np.frombuffer(name_bytes, name_type)
-    is_coordinate = (kinds == _COORDINATE_KINDS[0]) | (kinds == _COORDINATE_KINDS[1])
-    is_momentum = (kinds == _MOMENTUM_KINDS[0]) | (kinds == _MOMENTUM_KINDS[1])
+    is_coordinate, is_momentum = np.isin(kinds, _COORDINATE_KINDS), np.isin(kinds, _MOMENTUM_KINDS)
     is_reaction = kinds == _REACTION_KIND
     strange = np.flatnonzero(~(is_coordinate | is_momentum | is_reaction))
     if len(strange):
         k = int(strange[0])
         raise MatrixError(
             f"unknown '{bytes(names[k]).decode()}' is of kind '{bytes(kinds[k]).decode()}'; "
-            "expected position, rotation, momentum, momenta_moment or reaction"
+            f"expected {', '.join(kind.decode() for kind in (*_COORDINATE_KINDS, *_MOMENTUM_KINDS, _REACTION_KIND))}"
         )
 
     coordinates = np.flatnonzero(is_coordinate)
     momenta = np.flatnonzero(is_momentum)
     definition_rows = momenta - NODE_COORDINATES
+    modal = kinds[momenta] == b"modal_velocity"
+    displacements = np.flatnonzero(kinds == b"modal_displacement")
+    if modal.sum() != len(displacements):
+        raise MatrixError(
+            f"{len(displacements)} modal displacements and {modal.sum()} modal velocities are among the unknowns; "
+            "as many of each are expected"
+        )
+    definition_rows[modal] = displacements
     if len(momenta) and (definition_rows[0] < 0 or not is_coordinate[definition_rows].all()):
         raise MatrixError(
             "the momenta of a node must follow its six coordinates (x y z gx gy gz bx by bz hx hy hz); "
             f"they do not among {_sample(names)}"
         )
-    dynamic = np.zeros(len(names), dtype=bool)
-    dynamic[definition_rows] = True
-    equilibrium_rows = np.where(dynamic[coordinates], coordinates + NODE_COORDINATES, coordinates)
-    roles = (coordinates, momenta, np.flatnonzero(is_reaction), definition_rows, equilibrium_rows)
+    balance = np.arange(len(names))  # of each coordinate: its own row, or that of its momentum
+    balance[definition_rows] = momenta
+    equilibrium_rows = balance[coordinates]
+    velocities = momenta[np.isin(kinds[momenta], _VELOCITY_KINDS)]
+    roles = (coordinates, momenta, np.flatnonzero(is_reaction), definition_rows, equilibrium_rows, velocities)
     for indices in roles:
         indices.flags.writeable = False  # many models share them
     return roles

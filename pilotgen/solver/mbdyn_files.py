@@ -25,6 +25,15 @@ from pilotgen.solver.matrices import Matrices, given_tables
 _DYNAMIC, _STATIC = 12, 6  # unknowns of a dynamic and of a static structural node
 _NODE_UNKNOWNS = ("x", "y", "z", "gx", "gy", "gz", "bx", "by", "bz", "hx", "hy", "hz")
 _NODE_KINDS = ("position",) * 3 + ("rotation",) * 3 + ("momentum",) * 3 + ("momenta_moment",) * 3
+# What MBDyn's files do not tell apart: what modal nodes and joints have, abstract nodes, states, algebraic values.
+_TOLD_AS = {
+    b"state": b"reaction",
+    b"algebraic": b"reaction",
+    b"velocity": b"momentum",
+    b"angular_velocity": b"momenta_moment",
+    b"modal_displacement": b"reaction",
+    b"modal_velocity": b"reaction",
+}
 
 
 @dataclass(frozen=True)
@@ -113,6 +122,12 @@ def to_textbook(raw: RawEigenanalysis, layout: Matrices | None = None) -> Matric
     algebraic = reaction | (kinds == b"algebraic")
     coordinate_columns = np.flatnonzero(~algebraic)
     if layout is None:
+        joints = np.flatnonzero(reaction)
+        if raw.Aplus[np.ix_(joints, joints)].any():
+            raise MatrixError(
+                f"{raw.path}: a joint has unknowns of its own beside reactions (a modal joint?); reading it needs "
+                "our own file of the same deck as the layout"
+            )
         depends_on_c = (raw.Aplus[:, coordinate_columns] != raw.Aminus[:, coordinate_columns]).any(axis=1)
         holonomic = reaction & ~depends_on_c
     else:
@@ -183,8 +198,9 @@ def _names_of_layout(raw: RawEigenanalysis, layout: Matrices) -> tuple[NDArray[n
             f"{raw.path} has {n} unknowns and {layout.path} has {layout.n}: they are not of the same deck"
         )
     names, kinds = _name_unknowns(raw)
-    # What MBDyn's files do not tell apart from reactions: unknowns of abstract nodes, states, algebraic values.
-    ours = np.where(np.isin(layout.kinds, (b"state", b"algebraic")), b"reaction", layout.kinds)
+    ours = layout.kinds.copy()  # as the matrices alone would have them told
+    for kind, as_kind in _TOLD_AS.items():
+        ours[ours == kind] = as_kind
     differing = np.flatnonzero(kinds != ours)
     if len(differing):
         k = int(differing[0])

@@ -142,11 +142,11 @@ TEST_CASE("mistakes in declarations and named things") {
 TEST_CASE("mistakes in nodes") {
   check_nodes("structural: 1, dynamic, 0., 0., 0., eye, null;",
               "test.mbd:10:46: error: the card ends here, expected an angular velocity\n");
-  check_nodes(
-      "structural: 1, dynmic, 0., 0., 0., eye, null, null;",
-      "test.mbd:10:16: error: unknown node type `dynmic`, expected: dynamic, static, dummy; did you mean `dynamic`?\n");
-  check_nodes("structural: 1, modal, 0., 0., 0., eye, null, null;",
-              "test.mbd:10:16: error: not supported: the node type `modal`\n");
+  check_nodes("structural: 1, dynmic, 0., 0., 0., eye, null, null;",
+              "test.mbd:10:16: error: unknown node type `dynmic`, expected: dynamic, static, dummy, modal; did you "
+              "mean `dynamic`?\n");
+  check_nodes("structural: 1, displacement, 0., 0., 0., eye, null, null;",
+              "test.mbd:10:16: error: not supported: the node type `displacement`\n");
   check_nodes("structural: -1, dynamic, 0., 0., 0., eye, null, null;",
               "test.mbd:10:13: error: found -1, expected a node label from 0 on\n");
   check_nodes("structural: 1.5, dynamic, 0., 0., 0., eye, null, null;",

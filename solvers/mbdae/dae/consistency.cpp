@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/consistency.h"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
@@ -35,11 +36,13 @@ void check_constraints(const Model& model, const State& state) {
   model.add_reduced_constraints(state, eq, false);
   ConstraintRates rates;
   model.rates(state, rates, false);
-  for (const LoadEntry& entry : model.loads()) {
-    if (const std::string defect = entry.element->defect(state); !defect.empty()) {
-      throw ModelError(joint_title(*entry.data) + " " + defect);
+  const auto check = [&](const ElementData& data, const Element& element) {
+    if (const std::string defect = element.defect(state); !defect.empty()) {
+      throw ModelError(joint_title(data) + " " + defect);
     }
-  }
+  };
+  for (const LoadEntry& entry : model.loads()) check(*entry.data, *entry.element);
+  for (const ConstraintEntry& entry : model.constraints()) check(*entry.data, *entry.constraint);
 
   // What genels impose is brought about by the first time step, as in MBDyn.
   for (const ConstraintEntry& entry : model.constraints()) {
@@ -71,8 +74,8 @@ void check_constraints(const Model& model, const State& state) {
 
 namespace {
 
-// Unknowns of the accelerations' equations: 6 per node, then scalars (rates of states, values of algebraic ones), then
-// reactions.
+// Unknowns of the accelerations' equations: coordinates of motion, then scalars (rates of states, values of algebraic
+// ones), then reactions.
 struct Accelerations {
   Eigen::MatrixXd K;
   Eigen::VectorXd residual;  // at accelerations, rates and reactions of `state` and `a`
@@ -81,7 +84,7 @@ struct Accelerations {
 // Rows that constrain the motion but belong to a scalar or to states alone: what their first time derivative says.
 void differentiate_row(const Model& model, const State& state, const Equations& eq, int row, Accelerations& out,
                        int at) {
-  const int moving = 6 * static_cast<int>(model.slots().size()), first = model.scalar_start();
+  const int moving = model.motion_count(), first = model.scalar_start();
   out.residual(at) = 0.0;
   for (const NodeSlot& slot : model.slots()) {
     const NodeMotion& node = motion_of(state, slot);
@@ -98,7 +101,7 @@ void differentiate_row(const Model& model, const State& state, const Equations& 
 
 Accelerations acceleration_equations(const Model& model, const State& state, const Eigen::VectorXd& a,
                                      const ConstraintRates& rates) {
-  const int nodes = static_cast<int>(model.slots().size()), moving = 6 * nodes, scalars = model.scalar_count();
+  const int moving = model.motion_count(), scalars = model.scalar_count();
   const int first_scalar = model.scalar_start(), first = model.reaction_start(), count = model.reaction_count();
   const int start = moving + scalars, total = start + count;
   Equations eq;
@@ -110,32 +113,25 @@ Accelerations acceleration_equations(const Model& model, const State& state, con
   out.K = Eigen::MatrixXd::Zero(total, total);
   out.residual = Eigen::VectorXd::Zero(total);
   Eigen::MatrixXd& K = out.K;
-  for (int i = 0; i < nodes; ++i) {
-    const NodeSlot& slot = model.slots()[static_cast<std::size_t>(i)];
-    const int row = 6 * i;
-    out.residual.segment<6>(row) = eq.g.segment<6>(slot.force);
-    if (slot.dynamic) {
-      const NodeInertia& body = model.inertias()[static_cast<std::size_t>(i)];
-      const NodeMotion& motion = state.nodes[static_cast<std::size_t>(i)];
-      K.block<6, 6>(row, row) = body.mass_matrix(motion);
-      out.residual.segment<6>(row) += body.velocity_terms(motion);
-      if (scalars > 0) out.residual.segment<6>(row) += K.block<6, 6>(row, row) * a.segment<6>(row);
-    }
-    K.block(row, start, 6, count) = eq.g_y.block(slot.force, first, 6, count);
-    K.block(start, row, count, 6) = eq.g_y.block(first, slot.first, count, 6);
+  K.topLeftCorner(moving, moving) = model.mass_matrix(state);
+  out.residual.head(moving) = model.velocity_terms(state);
+  if (scalars > 0) out.residual.head(moving) += K.topLeftCorner(moving, moving) * a;
+  for (const MotionGroup& group : model.motions()) {
+    const int n = group.count;
+    out.residual.segment(group.motion, n) += eq.g.segment(group.force, n);
+    K.block(group.motion, start, n, count) = eq.g_y.block(group.force, first, n, count);
+    K.block(start, group.motion, count, n) = eq.g_y.block(first, group.pose, count, n);
     for (int k = 0; k < scalars; ++k) {
       const Eigen::MatrixXd& by = model.algebraic(first_scalar + k) ? eq.g_y : eq.g_ydot;
-      K.block<6, 1>(row, moving + k) = by.block<6, 1>(slot.force, first_scalar + k);
+      K.block(group.motion, moving + k, n, 1) = by.block(group.force, first_scalar + k, n, 1);
     }
   }
   for (const ConstraintEntry& entry : model.constraints()) {
     for (int k = 0; k < entry.constraint->size(); ++k) {
       if (!entry.constraint->velocity_level(k)) continue;
       const int row = entry.constraint->first() + k;
-      for (int i = 0; i < nodes; ++i) {
-        const int column = 6 * i;
-        K.block<1, 6>(start + row - first, column) =
-            eq.g_ydot.block<1, 6>(row, model.slots()[static_cast<std::size_t>(i)].first);
+      for (const MotionGroup& group : model.motions()) {
+        K.block(start + row - first, group.motion, 1, group.count) = eq.g_ydot.block(row, group.pose, 1, group.count);
       }
     }
   }
@@ -189,14 +185,14 @@ Accelerations acceleration_equations(const Model& model, const State& state, con
 Eigen::VectorXd solve_accelerations(const Model& model, State& state) {
   constexpr int kMostIterations = 20;
   constexpr double kConverged = 1e-13;
-  const int nodes = static_cast<int>(model.slots().size()), moving = 6 * nodes, scalars = model.scalar_count();
+  const int moving = model.motion_count(), scalars = model.scalar_count();
   const int first_scalar = model.scalar_start(), first = model.reaction_start(), count = model.reaction_count();
   const int start = moving + scalars;
-  bool inertia = scalars > 0;
-  for (const NodeSlot& slot : model.slots()) inertia |= slot.dynamic;
+  bool inertia = scalars > 0 || !model.flexible().empty();
+  for (const NodeSlot& slot : model.slots()) inertia |= slot.has_rates();
 
   // Linear in everything asked for, but for friction: one step of Newton's method otherwise.
-  state.y.head(first_scalar).setZero();
+  state.y.head(model.own_start()).setZero();
   state.y.tail(count).setZero();
   model.set_momenta(state);
   Eigen::VectorXd a = Eigen::VectorXd::Zero(moving);
@@ -248,6 +244,27 @@ void solve_state_rates(const Model& model, State& state) {
   model.add_constraints(state, eq, true);
   const Eigen::MatrixXd E = eq.g_ydot.block(first, first, count, count);
   state.ydot.segment(first, count) -= E.completeOrthogonalDecomposition().solve(eq.g.segment(first, count));
+}
+
+Eigen::VectorXd modal_accelerations(const Model& model, const State& state) {
+  std::vector<int> moving, equations;
+  const std::size_t nodes = model.slots().size();
+  for (std::size_t i = 0; i < model.motions().size(); ++i) {
+    if (i < nodes && !model.slots()[i].modal) continue;
+    const MotionGroup& group = model.motions()[i];
+    for (int k = 0; k < group.count; ++k) {
+      moving.push_back(group.motion + k);
+      equations.push_back(group.force + k);
+    }
+  }
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(model.motion_count());
+  if (moving.empty()) return out;
+  Equations eq;
+  model.assemble_statics(state, eq, false);
+  const Eigen::VectorXd force = -eq.g(equations) - model.velocity_terms(state)(moving);
+  const Eigen::MatrixXd M = model.mass_matrix(state)(moving, moving);
+  out(moving) = M.completeOrthogonalDecomposition().solve(force).eval();
+  return out;
 }
 
 }  // namespace mbdae

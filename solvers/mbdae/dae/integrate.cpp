@@ -66,6 +66,7 @@ Motion integrate(const Deck& deck, const IntegrateOptions& options) {
   for (const NodeSlot& slot : model.slots()) {
     if (slot.dynamic) state.ydot.segment<6>(slot.force) = -eq.g.segment<6>(slot.force);
   }
+  model.set_modal_rates(state, accelerations);
   return integrate_multistep(model, state, settings, options);
 }
 

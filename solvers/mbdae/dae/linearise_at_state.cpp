@@ -23,13 +23,14 @@ void describe_unknowns(const Model& model, LinearisedModel& out) {
     return;
   }
   // elements with unknowns of their own, where they stand in the file
-  int first = model.scalar_start() + static_cast<int>(model.deck().abstract_nodes.size());
+  int first = model.own_start() + static_cast<int>(model.deck().abstract_nodes.size());
   std::size_t constraint = 0;
   for (const std::vector<ElementData>* list : {&model.deck().joints, &model.deck().genels}) {
     for (const ElementData& data : *list) {
       int dofs = data.type->scalars != nullptr ? data.type->scalars(data.data) : 0;
       if (constraint < model.constraints().size() && model.constraints()[constraint].data == &data) {
         dofs += model.constraints()[constraint++].constraint->size();
+        if (data.type->coordinates != nullptr) dofs += 2 * data.type->coordinates(data.data);
       }
       if (dofs == 0) continue;
       const std::string prefix = data.type->card == CardKind::genel ? "genel " : "";
@@ -49,7 +50,7 @@ void describe_nodes(const Model& model, const State& state, LinearisedModel& out
     node.name = id.name;
     node.label = static_cast<int>(id.label);
     node.first = slot.first;
-    node.dofs = slot.dynamic ? 12 : 6;
+    node.dofs = slot.has_rates() ? 12 : 6;
     node.x = motion.x;
     node.v = motion.v;
     node.w = motion.w;
@@ -94,7 +95,8 @@ double deck_coefficient(const Deck& deck) {
   return deck.initial_value.eigenanalysis ? 0.5 * deck.initial_value.eigenanalysis->parameter : kDefaultCoefficient;
 }
 
-LinearisedModel linearise_at_state(const Model& model, State& state, double c, const char* analysis) {
+LinearisedModel linearise_at_state(const Model& model, State& state, double c, const char* analysis,
+                                   const Eigen::VectorXd& accelerations) {
   LinearisedModel out;
   out.analysis = analysis;
   out.c = c;
@@ -107,6 +109,8 @@ LinearisedModel linearise_at_state(const Model& model, State& state, double c, c
   } else {
     state.ydot.setZero(model.size());
   }
+  const Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(model.motion_count());
+  model.set_modal_rates(state, at_rest);
   model.assemble(state, eq, true);
   out.equilibrium_residual = eq.g;
   out.residual_norm = eq.g.norm();
@@ -116,13 +120,17 @@ LinearisedModel linearise_at_state(const Model& model, State& state, double c, c
     state.ydot.segment<3>(slot.first + 3) = motion.w;
     if (slot.dynamic) state.ydot.segment<6>(slot.force) = -eq.g.segment<6>(slot.force);
   }
+  model.set_modal_rates(state, accelerations);
 
   State free = state;  // no reactions, no momenta rates
   free.y.tail(model.reaction_count()).setZero();
   free.ydot.setZero();
   Equations unbalanced;
+  model.set_modal_rates(free, at_rest);
   model.assemble(free, unbalanced, false);
   out.residual = unbalanced.g;
+  // The tangents of flexible bodies depend on accelerations; those of everything else on no rate of an unknown.
+  if (!model.flexible().empty() && !accelerations.isZero(0.0)) model.assemble(state, eq, true);
 
   model.to_increments(state, eq);
   out.J_plus = eq.g_ydot + c * eq.g_y;

@@ -8,8 +8,10 @@
 
 namespace mbdae {
 
-/// Tangent matrices, residuals, inputs and names at a state whose momenta and reactions are set.
-LinearisedModel linearise_at_state(const Model& model, State& state, double c, const char* analysis);
+/// Tangent matrices, residuals, inputs and names at a state whose momenta and reactions are set. `accelerations`: of
+/// the coordinates of motion; those of modal unknowns count.
+LinearisedModel linearise_at_state(const Model& model, State& state, double c, const char* analysis,
+                                   const Eigen::VectorXd& accelerations);
 
 /// c [s] of the deck's eigenanalysis card (`parameter` / 2), 0.01 s without one.
 double deck_coefficient(const Deck& deck);

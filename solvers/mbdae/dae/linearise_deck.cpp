@@ -9,23 +9,47 @@
 
 namespace mbdae {
 
+namespace {
+
+// Momenta, reactions and modal unknowns of a file; a modal joint or node without any (all zero) keeps the deck's.
+void impose(const Model& model, const Eigen::VectorXd& file, State& state) {
+  const State deck = state;
+  state.y = file;
+  const std::vector<int>& order = model.file_order();
+  for (std::size_t i = 0; i < order.size(); ++i) state.y(order[i]) = file(static_cast<Eigen::Index>(i));
+  for (std::size_t i = 0; i < model.slots().size(); ++i) {
+    const NodeSlot& slot = model.slots()[i];
+    if (!slot.modal) continue;
+    if (state.y.segment<6>(slot.force).isZero(0.0)) state.y.segment<6>(slot.force) = deck.y.segment<6>(slot.force);
+    state.nodes[i].v = state.y.segment<3>(slot.force);
+    state.nodes[i].w = state.y.segment<3>(slot.force + 3);
+  }
+  for (const FlexibleEntry& entry : model.flexible()) {
+    const int own = entry.body->first_displacement(), n = 2 * entry.body->modes();
+    if (state.y.segment(own, n).isZero(0.0)) state.y.segment(own, n) = deck.y.segment(own, n);
+  }
+}
+
+}  // namespace
+
 LinearisedModel linearise(const Deck& deck, const LineariseOptions& options) {
   Model model = make_model(deck);
   State state = model.initial_state();
   model.set_reference(state);
   check_constraints(model, state);
+  Eigen::VectorXd accelerations;
   if (options.state) {
     if (options.state->size() != model.size()) {
       throw ModelError("the state to linearise at has " + std::to_string(options.state->size()) +
                        " entries, the deck has " + std::to_string(model.size()) + " unknowns");
     }
-    state.y = *options.state;
-    if (!model.file_order().empty()) state.y(model.file_order()) = *options.state;
+    impose(model, *options.state, state);
     solve_state_rates(model, state);
+    accelerations = modal_accelerations(model, state);
   } else {
-    solve_accelerations(model, state);
+    accelerations = solve_accelerations(model, state);
   }
-  return linearise_at_state(model, state, options.c.value_or(deck_coefficient(deck)), "linearise");
+  return linearise_at_state(model, state, options.c.value_or(deck_coefficient(deck)), "linearise", accelerations);
 }
 
 }  // namespace mbdae

@@ -56,12 +56,12 @@ class Stepper {
       older_rate.segment<3>(g) = cayley_tangent(turned).inverse() * o.w;
       known.segment<3>(x) = formula.a1 * l.x + formula.a2 * o.x;
       known.segment<3>(g) = formula.a2 * turned;
-      if (slot.dynamic) {
+      if (slot.has_rates()) {
         known.segment<6>(slot.force) =
             formula.a1 * last.state.y.segment<6>(slot.force) + formula.a2 * older.state.y.segment<6>(slot.force);
       }
     }
-    for (int k = model_.scalar_start(); k < model_.reaction_start(); ++k) {
+    for (int k = model_.own_start(); k < model_.reaction_start(); ++k) {
       if (!model_.algebraic(k)) known(k) = formula.a1 * last.state.y(k) + formula.a2 * older.state.y(k);
     }
     known += h * (formula.b1 * last.rate + formula.b2 * older_rate);
@@ -129,12 +129,12 @@ class Stepper {
       out.nodes[i].v = rate.segment<3>(slot.first);
       out.nodes[i].R = cayley_rotation(g) * reference.nodes[i].R;
       out.nodes[i].w = cayley_tangent(g) * rate.segment<3>(slot.first + 3);
-      if (slot.dynamic) {
+      if (slot.has_rates()) {
         out.y.segment<6>(slot.force) = y.segment<6>(slot.force);
         out.ydot.segment<6>(slot.force) = rate.segment<6>(slot.force);
       }
     }
-    for (int k = model_.scalar_start(); k < model_.reaction_start(); ++k) {
+    for (int k = model_.own_start(); k < model_.reaction_start(); ++k) {
       if (model_.algebraic(k)) continue;
       out.y(k) = y(k);
       out.ydot(k) = rate(k);

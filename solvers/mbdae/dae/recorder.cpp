@@ -33,7 +33,7 @@ std::vector<InputInfo> all_channels(const Model& model) {
   for (const NodeData& node : model.deck().nodes) {
     for (const auto& [suffix, unit] : kNodeChannels) out.push_back({node.id.name + "." + suffix, unit});
   }
-  for (int k = model.scalar_start(); k < model.size(); ++k) {
+  for (int k = model.own_start(); k < model.size(); ++k) {
     out.push_back({model.unknown_name(k), model.unknown_unit(k)});
   }
   for (const MuscleEntry& entry : model.muscles()) {
@@ -80,7 +80,7 @@ void MotionRecorder::record(const State& state) {
     push(node.v);
     push(node.w);
   }
-  for (int k = model_.scalar_start(); k < model_.size(); ++k) row_.push_back(state.y(k));
+  for (int k = model_.own_start(); k < model_.size(); ++k) row_.push_back(state.y(k));
   for (const MuscleEntry& entry : model_.muscles()) {
     const MuscleValue value = entry.muscle->value(state);
     row_.push_back(entry.muscle->length(state));

@@ -61,7 +61,8 @@ LinearisedModel solve_static(const Deck& deck, const StaticOptions& options) {
   }
 
   State state = solver.state();
-  LinearisedModel out = linearise_at_state(model, state, deck_coefficient(deck), "static");
+  LinearisedModel out =
+      linearise_at_state(model, state, deck_coefficient(deck), "static", Eigen::VectorXd::Zero(model.motion_count()));
   out.iterations = solver.iterations();
   return out;
 }

@@ -263,6 +263,21 @@ bool Input::take_spelled(const char* keyword) {
   return true;
 }
 
+bool Input::take_numbered(const char* keyword, std::string_view number) {
+  TokenStream& stream = tokens();
+  std::string words;
+  std::size_t count = 0;
+  for (; stream.peek(count).kind == TokenKind::word && words.size() <= kLongestKeyword; ++count) {
+    append_lower(stream.peek(count).text, &words);
+  }
+  if (!same_words(words, keyword) || stream.peek(count).text != number || !ends_words(stream.peek(count + 1))) {
+    return false;
+  }
+  for (++count; count > 0; --count) stream.take();
+  end_argument();
+  return true;
+}
+
 int Input::take_any(Choices choices) {
   const char letter = first_letter();
   for (std::size_t i = 0; i < choices.size(); ++i) {

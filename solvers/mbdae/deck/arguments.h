@@ -71,6 +71,8 @@ class Input {
   bool take_empty();
   /// Takes the argument if it is this keyword.
   bool take(const char* keyword) { return first_letter() == *keyword && take_spelled(keyword); }
+  /// The same of a keyword that ends with a number: "use invariant", "9".
+  bool take_numbered(const char* keyword, std::string_view number);
   /// Takes the argument if it is one of the choices, else -1.
   int take_any(Choices choices);
   /// The argument must be one of the choices; `what` names the kind of thing ("joint type") in messages.

@@ -54,7 +54,7 @@ struct Identity {
 
 // ---- nodes -------------------------------------------------------------------------------------------------------
 
-enum class NodeKind { dynamic_node, static_node };
+enum class NodeKind { dynamic_node, static_node, modal_node };
 
 /// A structural node. Dummy nodes own no unknowns: they are kept in Deck::dummy_nodes for output only.
 struct NodeData {

@@ -37,7 +37,6 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "inplane",
                                         "invariant deformable displacement joint",
                                         "kinematic",
-                                        "modal",
                                         "offset displacement joint",
                                         "plane displacement",
                                         "plane displacement pin",
@@ -57,8 +56,7 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "viscous body"};
 
 constexpr const char* kOtherForces[] = {"absolute internal", "follower internal",   "total",
-                                        "total internal",    "external structural", "modal",
-                                        "abstract internal"};
+                                        "total internal",    "external structural", "abstract internal"};
 
 constexpr const char* kOtherGenels[] = {"distance with offset", "rotor", "rotor trim", "swash plate"};
 

@@ -39,6 +39,8 @@ struct ElementType {
   int (*scalars)(const std::any& data);
   /// Names of what `element` drives may read of it.
   std::span<const char* const> signals;
+  /// For elements that own displacements and velocities beside reactions: how many of each; may be null.
+  int (*coordinates)(const std::any& data);
 };
 
 /// All rows. They live as long as the program.

@@ -79,8 +79,8 @@ void read_reference(Context& context) {
 }
 
 void read_structural(Context& context) {
-  static constexpr const char* kKinds[] = {"dynamic", "static", "dummy"};
-  static constexpr const char* kOthers[] = {"modal", "dynamic displacement", "static displacement", "displacement"};
+  static constexpr const char* kKinds[] = {"dynamic", "static", "dummy", "modal"};
+  static constexpr const char* kOthers[] = {"dynamic displacement", "static displacement", "displacement"};
   Input& input = context.input;
   ++context.node_count.found;
   const Label label = input.label("a node label");
@@ -105,7 +105,7 @@ void read_structural(Context& context) {
   }
   NodeData node;
   node.id = identity(label, "node");
-  node.kind = kind == 0 ? NodeKind::dynamic_node : NodeKind::static_node;
+  node.kind = kind == 0 ? NodeKind::dynamic_node : kind == 1 ? NodeKind::static_node : NodeKind::modal_node;
   Frame frame;
   input.need("a position");
   if (input.take("at reference")) {

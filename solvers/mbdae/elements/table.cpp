@@ -15,6 +15,7 @@
 #include "mbdae/elements/hinge.h"
 #include "mbdae/elements/invariant_deformable_hinge.h"
 #include "mbdae/elements/linear_motion.h"
+#include "mbdae/elements/modal_joint.h"
 #include "mbdae/elements/rod.h"
 #include "mbdae/elements/state_space.h"
 #include "mbdae/elements/total.h"
@@ -50,6 +51,9 @@ ElementType row(CardKind card, const char* name, const char* counts_as, const ch
     type.scalars = [](const std::any& data) { return std::any_cast<Data>(&data)->scalars(); };
   }
   if constexpr (requires { Data::kSignals; }) type.signals = Data::kSignals;
+  if constexpr (requires(const Data& data) { data.coordinates(); }) {
+    type.coordinates = [](const std::any& data) { return std::any_cast<Data>(&data)->coordinates(); };
+  }
   return type;
 }
 
@@ -73,6 +77,7 @@ const ElementType kElements[] = {
     row<read_linear_acceleration, LinearMotion>(kJoint, "linear acceleration", "joints"),
     row<read_total_joint, TotalConstraint>(kJoint, "total joint", "joints"),
     row<read_total_pin, TotalConstraint>(kJoint, "total pin joint", "joints"),
+    row<read_modal, ModalJoint>(kJoint, "modal", "joints"),
     row<read_rod, Rod>(kJoint, "rod", "rods"),
     row<read_deformable_hinge, DeformableHinge>(kJoint, "deformable hinge", "deformable"),
     row<read_deformable_joint, DeformableJoint>(kJoint, "deformable joint", "deformable"),
@@ -93,6 +98,8 @@ const ElementType kElements[] = {
     row<read_absolute_force, AppliedForce>(kForce, "absolute", "forces", "conservative"),
     row<read_follower_force, AppliedForce>(kForce, "follower", "forces"),
     row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces", "conservative"),
+    row<read_modal_force, ModalForce>(kForce, "modal", "forces"),
+    row<read_absolute_couple, AppliedForce>(kCouple, "absolute", "forces"),
     row<read_follower_couple, AppliedForce>(kCouple, "follower", "forces"),
 };
 

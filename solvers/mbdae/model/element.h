@@ -31,8 +31,8 @@ struct NodeMotion {
 struct State {
   double t = 0.0;                 ///< [s]
   std::vector<NodeMotion> nodes;  ///< deck order
-  Eigen::VectorXd y;              ///< momenta, scalars and reactions are read from here; pose entries are not read
-  Eigen::VectorXd ydot;           ///< rates of momenta and scalars are read from here; nothing else is
+  Eigen::VectorXd y;              ///< all but the poses of nodes is read from here
+  Eigen::VectorXd ydot;           ///< all but the velocities of nodes is read from here
 };
 
 /// Residual and tangents of the whole model, in the order of the unknowns.
@@ -53,7 +53,7 @@ struct Equations {
 struct ConstraintRates {
   Eigen::VectorXd rate;    ///< d phi/dt; zero in rows that are velocity constraints (there phi itself is the rate)
   Eigen::VectorXd bias;    ///< second derivative of phi (first, of velocity constraints) with accelerations zero
-  Eigen::MatrixXd rate_q;  ///< derivative of the velocity-level constraint with respect to (dx, dphi)
+  Eigen::MatrixXd rate_q;  ///< derivative of the velocity-level constraint with respect to (dx, dphi) and displacements
 };
 
 /// Where a node's unknowns and equations stand, counted from 0. The ground has index, first and force -1.
@@ -62,6 +62,9 @@ struct NodeSlot {
   int first = -1;        ///< position columns, then rotation columns
   int force = -1;        ///< force equilibrium rows, then moment equilibrium rows
   bool dynamic = false;  ///< has momenta: 12 unknowns instead of 6
+  bool modal = false;    ///< has velocities v, w instead of momenta: 12 unknowns
+
+  bool has_rates() const { return dynamic || modal; }  ///< 12 unknowns, the last 6 of them at `force`
 };
 
 /// A scalar: the unknown of an abstract node, or one that an element owns beside its reactions. Its equation has the
@@ -73,15 +76,23 @@ struct ScalarSlot {
 
 /// What an element is made with: where its nodes stand, and the numbers of its own first unknowns.
 struct Numbering {
+  /// Displacements of a joint of its own, then as many velocities.
+  struct Own {
+    int first = -1;
+    int modes = 0;
+  };
   std::span<const NodeSlot> nodes;             ///< deck order
   int first = 0;                               ///< first reaction
   int scalar = -1;                             ///< first scalar of its own
   std::span<const ScalarSlot> abstract_nodes;  ///< deck order
+  int own = -1;                                ///< first displacement of its own, if it has any
+  std::span<const Own> joints;                 ///< of all joints, deck order
 
   const NodeSlot& slot(NodeIndex node) const { return nodes[node]; }
 };
 
 class Muscle;
+class Flexible;
 
 /// A drive that a linearised model has as an input: how it is called after its element, and what it moves.
 struct DriveInput {
@@ -131,6 +142,9 @@ class Element {
   /// The muscle that this is, or null.
   virtual const Muscle* muscle() const { return nullptr; }
 
+  /// The flexible body that this is, or null.
+  virtual const Flexible* flexible() const { return nullptr; }
+
   /// The drives that linearised models have as inputs, at the state.
   virtual std::vector<DriveInput> drive_inputs(const State& /*state*/) const { return {}; }
 
@@ -163,6 +177,35 @@ class Muscle {
   /// Adds the derivative of g with respect to the activation drive of the muscle, whose values these are, to a column.
   virtual void add_activation_derivative(const State& state, const MuscleValue& value,
                                          Eigen::Ref<Eigen::VectorXd> column) const = 0;
+};
+
+/// Derivatives of mass matrix times acceleration plus velocity terms of a flexible body.
+struct InertiaTangent {
+  Eigen::MatrixXd by_phi, by_w;  ///< rotation and angular velocity of the node that carries it, 3 columns
+  Eigen::MatrixXd by_a, by_b;    ///< modal displacements and velocities
+};
+
+/// An element that owns displacements a and velocities b, carried by a modal node or by the ground. Vectors and
+/// matrices of its motion are in the order (v, w, b) of the node and the modes; only (b) on the ground.
+class Flexible {
+ public:
+  virtual ~Flexible() = default;
+
+  virtual int modes() const = 0;
+  virtual int first_displacement() const = 0;  ///< the velocities follow
+  virtual const NodeSlot& carrier() const = 0;
+  virtual int mode_number(int k) const = 0;  ///< how mode k (from 0) is called in output
+
+  /// Initial displacements and velocities into y.
+  virtual void initialise_modes(Eigen::Ref<Eigen::VectorXd> y) const = 0;
+
+  /// Elastic and damping forces and weight.
+  virtual void assemble_loads(const State& state, const Vec3& gravity, Equations& eq, bool tangent) const = 0;
+
+  virtual Eigen::MatrixXd mass_matrix(const State& state) const = 0;
+  /// Inertia forces with accelerations zero.
+  virtual Eigen::VectorXd velocity_terms(const State& state) const = 0;
+  virtual InertiaTangent inertia_tangent(const State& state, const Eigen::VectorXd& acceleration) const = 0;
 };
 
 /// An element with reactions and constraint equations.

@@ -56,6 +56,7 @@ void NodeInertia::assemble_gravity(const State& state, Equations& eq, bool tange
 }
 
 void NodeInertia::assemble(const State& state, Equations& eq, bool tangent) const {
+  if (node_.modal) assemble_modal(state, eq, tangent);
   if (!node_.dynamic) return;
   const NodeMotion& n = motion_of(state, node_);
   const int x = node_.first, beta = x + 6;
@@ -84,6 +85,30 @@ void NodeInertia::assemble(const State& state, Equations& eq, bool tangent) cons
   eq.g_ydot.block<3, 3>(beta, beta) += I;
   eq.g_ydot.block<3, 3>(beta + 3, beta + 3) += I;
   eq.g_ydot.block<3, 3>(beta + 3, x) -= skew(b);
+}
+
+void NodeInertia::assemble_modal(const State& state, Equations& eq, bool tangent) const {
+  const NodeMotion& n = motion_of(state, node_);
+  const int x = node_.first, v = node_.force;
+  eq.g.segment<3>(x) += n.v - state.y.segment<3>(v);
+  eq.g.segment<3>(x + 3) += n.w - state.y.segment<3>(v + 3);
+  if (tangent) {
+    eq.g_ydot.block<6, 6>(x, x).diagonal().array() += 1.0;
+    eq.g_y.block<6, 6>(x, v).diagonal().array() -= 1.0;
+  }
+  if (empty()) return;
+  NodeMotion motion = n;  // with the velocities that are unknowns
+  motion.v = state.y.segment<3>(v);
+  motion.w = state.y.segment<3>(v + 3);
+  const Vec6 acceleration = state.ydot.segment<6>(v);
+  const Mat6 M = mass_matrix(motion);
+  eq.g.segment<6>(v) += M * acceleration + velocity_terms(motion);
+  if (!tangent) return;
+  Eigen::Matrix<double, 6, 3> by_phi, by_w;
+  inertia_derivatives(motion, acceleration, by_phi, by_w);
+  eq.g_ydot.block<6, 6>(v, v) += M;
+  eq.g_y.block<6, 3>(v, x + 3) += by_phi;
+  eq.g_y.block<6, 3>(v, v + 3) += by_w;
 }
 
 }  // namespace mbdae

@@ -14,7 +14,8 @@ class NodeInertia final : public Element {
  public:
   NodeInertia(const NodeSlot& node, const std::vector<const BodyData*>& bodies, const VectorDrive<3>* gravity);
 
-  /// Momentum form of a dynamic node: definitions of beta and gamma, betadot, gammadot + v x beta.
+  /// Momentum form of a dynamic node: definitions of beta and gamma, betadot, gammadot + v x beta. Of a modal node:
+  /// definitions of v and w, inertia forces.
   void assemble(const State& state, Equations& eq, bool tangent) const override;
 
   /// Weight.
@@ -35,8 +36,11 @@ class NodeInertia final : public Element {
 
   const NodeSlot& slot() const { return node_; }
   double mass() const { return m_; }
+  bool empty() const { return m_ == 0.0 && J_.isZero(0.0); }
 
  private:
+  void assemble_modal(const State& state, Equations& eq, bool tangent) const;
+
   NodeSlot node_;
   double m_ = 0.0;
   Vec3 S_ = Vec3::Zero();  ///< static moment in the node frame [kg m]

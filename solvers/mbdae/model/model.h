@@ -32,6 +32,20 @@ struct ScalarEntry {
   ScalarInfo info;
 };
 
+/// A flexible body.
+struct FlexibleEntry {
+  const ElementData* data = nullptr;
+  const Flexible* body = nullptr;
+};
+
+/// Coordinates of motion that stand together: a node's (x, phi) or a body's modal displacements.
+struct MotionGroup {
+  int motion = 0;  ///< number of the first among all coordinates of motion
+  int count = 0;
+  int pose = 0;   ///< its first column
+  int force = 0;  ///< its first equilibrium equation
+};
+
 struct MuscleEntry {
   const ElementData* data = nullptr;
   const Muscle* muscle = nullptr;
@@ -43,14 +57,16 @@ std::string joint_title(const ElementData& joint);
 /// A deck as a system of equations. Keeps references into the deck, which must outlive it.
 class Model {
  public:
-  /// Throws std::invalid_argument on a body on a static node of a dynamic deck.
+  /// Throws std::invalid_argument on a body on a static node of a dynamic deck, and on modal nodes or joints of a
+  /// static one.
   explicit Model(const Deck& deck);
 
   const Deck& deck() const { return deck_; }
   int size() const { return size_; }                      ///< number of unknowns
   int reaction_start() const { return reaction_start_; }  ///< first reaction
   int reaction_count() const { return size_ - reaction_start_; }
-  int scalar_start() const { return scalar_start_; }  ///< first scalar: they stand between nodes and reactions
+  int own_start() const { return own_start_; }  ///< end of the nodes: displacements and velocities that joints own
+  int scalar_start() const { return scalar_start_; }  ///< first scalar: they stand between those and reactions
   int scalar_count() const { return reaction_start_ - scalar_start_; }
   const std::vector<ScalarEntry>& scalars() const { return scalars_; }  ///< in their order
   const std::vector<NodeSlot>& slots() const { return slots_; }
@@ -58,10 +74,15 @@ class Model {
   const std::vector<LoadEntry>& loads() const { return loads_; }        ///< in the order of assembly
   const std::vector<MuscleEntry>& muscles() const { return muscles_; }  ///< deck order
   const std::vector<NodeInertia>& inertias() const { return inertias_; }
+  const std::vector<FlexibleEntry>& flexible() const { return flexible_; }  ///< deck order
 
-  /// The unknowns in the order of files: what stands at place k there. Inside, scalars stand before all reactions; in
-  /// files abstract nodes follow the structural ones, and each element has its own unknowns together, as in MBDyn.
-  /// Empty if there is no difference.
+  /// Nodes in deck order, then flexible bodies in deck order.
+  const std::vector<MotionGroup>& motions() const { return motions_; }
+  int motion_count() const { return motion_count_; }
+
+  /// The unknowns in the order of files: what stands at place k there. Inside, displacements and velocities of joints,
+  /// then scalars stand before all reactions; in files abstract nodes follow the structural ones, and each element has
+  /// its own unknowns together, as in MBDyn. Empty if there is no difference.
   const std::vector<int>& file_order() const { return file_order_; }
 
   /// True if unknown k has no rate: reactions and algebraic scalars.
@@ -73,7 +94,7 @@ class Model {
   /// Deck poses and velocities (zero velocities under `model: static`), momenta of the bodies, no reactions.
   State initial_state() const;
 
-  /// Momenta of the bodies into state.y.
+  /// Momenta of the bodies and velocities of modal nodes into state.y.
   void set_momenta(State& state) const;
 
   /// Counts free rotation components of total joints from this configuration.
@@ -92,7 +113,16 @@ class Model {
     for (const LoadEntry& entry : loads_) visit(*entry.data, *entry.element);
   }
 
-  /// Residual and tangents with respect to (dx, dphi, dbeta, dgamma, reactions) and (dv, dw, betadot, gammadot).
+  /// Accelerations [motion_count()] into the rates of modal nodes and modal velocities, the only ones that tangents
+  /// depend on; velocities into the rates of modal displacements.
+  void set_modal_rates(State& state, const Eigen::VectorXd& accelerations) const;
+
+  /// Mass matrix of the coordinates of motion, and inertia forces with accelerations zero.
+  Eigen::MatrixXd mass_matrix(const State& state) const;
+  Eigen::VectorXd velocity_terms(const State& state) const;
+
+  /// Residual and tangents with respect to (dx, dphi, dbeta, dgamma, reactions) and (dv, dw, betadot, gammadot); of
+  /// modal unknowns with respect to themselves and their rates.
   void assemble(const State& state, Equations& eq, bool tangent) const;
 
   /// Adds gravity, rods, deformable elements and applied forces: everything but inertia and constraints.
@@ -128,14 +158,19 @@ class Model {
     int node = -1, component = 0;  // component within the node's or joint's block
     int constraint = -1;
     int scalar = -1;
+    int flexible = -1;
+    int group = 0;  // of a node's unknowns: three by three
   };
+  int equation_group(const Place& p) const;
+  void number_joints();
+  void add_flexible(const State& state, Equations& eq, bool tangent) const;
   Place place(int k) const;
   void number_scalars(std::vector<int>& scalar_of_joint, std::vector<int>& scalar_of_genel);
   void order_for_files();
   void refresh_signals(const State& state) const;
 
   const Deck& deck_;
-  int size_ = 0, scalar_start_ = 0, reaction_start_ = 0;
+  int size_ = 0, own_start_ = 0, scalar_start_ = 0, reaction_start_ = 0;
   std::vector<NodeSlot> slots_;
   std::vector<NodeInertia> inertias_;  // one per node
   std::vector<ConstraintEntry> constraints_;
@@ -144,6 +179,10 @@ class Model {
   std::vector<ScalarSlot> abstract_slots_;
   std::vector<ScalarEntry> scalars_;
   std::vector<const Element*> joints_;  // by their number in the deck
+  std::vector<Numbering::Own> own_;     // of every joint
+  std::vector<FlexibleEntry> flexible_;
+  std::vector<MotionGroup> motions_;
+  int motion_count_ = 0;
   std::vector<int> file_order_;
 };
 

@@ -32,7 +32,8 @@ void Model::number_scalars(std::vector<int>& scalar_of_joint, std::vector<int>& 
 }
 
 void Model::order_for_files() {
-  for (int k = 0; k < scalar_start_ + static_cast<int>(abstract_slots_.size()); ++k) file_order_.push_back(k);
+  for (int k = 0; k < own_start_; ++k) file_order_.push_back(k);
+  for (const ScalarSlot& node : abstract_slots_) file_order_.push_back(node.first);
   // elements in deck order, joints before genels; both lists of entries keep that order
   std::size_t constraint = 0;
   int scalar = scalar_start_ + static_cast<int>(abstract_slots_.size());
@@ -47,6 +48,9 @@ void Model::order_for_files() {
         for (int k = 0; k < scalars; ++k) file_order_.push_back(scalar + k);
       };
       const bool reactions_first = reactions != nullptr && reactions->reactions_first();
+      if (const Flexible* body = reactions != nullptr ? reactions->flexible() : nullptr; body != nullptr) {
+        for (int k = 0; k < 2 * body->modes(); ++k) file_order_.push_back(body->first_displacement() + k);
+      }
       if (!reactions_first) add_scalars();
       for (int k = 0; reactions != nullptr && k < reactions->size(); ++k) file_order_.push_back(reactions->first() + k);
       if (reactions_first) add_scalars();
