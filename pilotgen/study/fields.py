@@ -251,6 +251,26 @@ class Vector(Field):
 
 
 @dataclass(frozen=True)
+class Matrix(Field):
+    """A square, symmetric list of rows of numbers."""
+
+    size: int
+
+    def check(self, what: str, data: Any) -> list[list[float]]:
+        """Return the rows as lists of float. StudyError for anything else."""
+        shape = isinstance(data, list) and [isinstance(row, list) and len(row) for row in data]
+        if shape != [self.size] * self.size:
+            raise StudyError(f"{what} must be {self.size} rows of {self.size} numbers, [[a, b, c], [...], [...]]")
+        for row in data:
+            for entry in row:
+                if isinstance(entry, bool) or not isinstance(entry, int | float) or not math.isfinite(entry):
+                    raise StudyError(f"{what} holds {shown(entry)}, which is not a number{decimal_comma(entry)}")
+        if any(data[j][k] != data[k][j] for j in range(self.size) for k in range(j)):
+            raise StudyError(f"{what} is not symmetric; entries [j][k] and [k][j] are the same number")
+        return [[float(entry) for entry in row] for row in data]
+
+
+@dataclass(frozen=True)
 class Choice(Field):
     """One of a few words."""
 

@@ -35,6 +35,7 @@ from pilotgen.study.fields import (
     bounds,
     did_you_mean,
 )
+from pilotgen.study.population_section import population_rows
 from pilotgen.study.yaml_file import bundled
 
 MULTIBODY, MAYO = "multibody", "mayo"  # pilot models
@@ -466,6 +467,8 @@ SCHEMA: Mapping[str, Field] = {
         hint="a fraction: 90 % is 0.90; write null to run all generations",
         meaning="stop when so many of the population are rank one; null to run all generations",
     ),
+    # ---- people
+    **population_rows(MULTIBODY, _height_hint),
     # ---- limits: what reports and --fail-below hold margins against
     "limits": Section(default=None, null=True, meaning="margins that a robust loop keeps"),
     **{
@@ -491,7 +494,7 @@ PILOT_VALUES: Mapping[str, tuple[str, ...]] = {  # the pilot's own values, known
 }  # fmt: skip
 OTHER_MASS: Mapping[str, str] = {"mass_kg": "bmi", "bmi": "mass_kg"}  # of these two exactly one
 
-SECTIONS_OF_A_RUN = ("study", "search", "limits")  # keys that say what to do, not what is evaluated
+SECTIONS_OF_A_RUN = ("study", "search", "limits", "population")  # keys that say what to do, not what is evaluated
 
 
 @cache

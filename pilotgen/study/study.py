@@ -21,6 +21,7 @@ from typing import Any
 from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
 from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
+from pilotgen.study.population_section import population_from
 from pilotgen.study.reader import read_tree
 from pilotgen.study.rotorcraft import Rotorcraft, beside, rotorcraft_from
 from pilotgen.study.schema import (
@@ -110,6 +111,7 @@ class Study:
     nominal: dict[str, float]  # a value for every variable of the pilot model
     search: SearchSettings
     limits: dict[str, float | None]  # objective -> what a robust loop keeps; None: no limit
+    population: dict[str, Any]  # who flies (pilotgen/study/population_section.py); its `people` is None: nobody said
     text: str = field(repr=False)  # the file's text
     path: str = ""  # what messages call the file
     lines: dict[KeyPath, int] = field(default_factory=dict, repr=False, compare=False)
@@ -151,6 +153,8 @@ class Study:
                 found = dataclasses.asdict(calibrated_gains(self.pilot.torso["model"])[self.pilot.task])
             if found is None and path.startswith("pilot.torso.girdle."):
                 found = dict(bundled("torso").value["girdle"])
+            if found is None and section == "population":  # one of the many keys that only some populations have
+                return None
             found = found[key]
         return found if index is None else found[index]
 
@@ -459,6 +463,7 @@ _MAKERS: Mapping[str, Callable[[Any], Any]] = {
     "cockpit": cockpit_from,
     "nominal": _nominal,
     "search": _search,
+    "population": population_from,
     "limits": lambda data: {**defaults("limits"), **(data or {})},
 }
 _ATTRIBUTE = {"study": "name"}  # where the attribute of `Study` is not called as the key
