@@ -10,6 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 from collections.abc import Mapping
@@ -36,14 +37,14 @@ from pilotgen.loop.margins import Margins, margins
 from pilotgen.loop.rotorcraft_model import rotorcraft_model
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
-from pilotgen.posture.seated_torso import SeatedTorso, seat_torso
+from pilotgen.posture.seated_torso import FEM_NAME, SeatedTorso, seat_torso
 from pilotgen.solver.client import SolverClient, find_mbdae
 from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.solver.protocol import SolverReply
 from pilotgen.solver.scratch import ScratchDirectory
 from pilotgen.study.study import Reflex, Study
-from pilotgen.study.torso_numbers import RIGID
+from pilotgen.study.torso_numbers import MODES, RIGID
 from pilotgen.summary import bdft_summary, result_file
 
 POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
@@ -173,6 +174,11 @@ class EvaluationContext:
                 f"{self.scratch}: {name} cannot be handed to the solver ({error.strerror}); check space in the "
                 "directory for temporary files (TMPDIR)"
             ) from None
+
+    def put_modes(self, torso: SeatedTorso | None) -> None:
+        """Put the file with a torso's modes, if it has any, where the decks go that read it."""
+        if torso is not None and torso.modes is not None:
+            self._put(FEM_NAME, torso.modes.fem)
 
     def close(self) -> None:
         """Stop the solver and remove the scratch directory."""
@@ -321,6 +327,13 @@ def solve_pilot(
     if settings.torso["model"] != RIGID:
         springs = make_torso(biometrics, settings.limbs, settings.torso, study.cockpit["seat"])
         torso = seat_torso(springs, body, cockpit, posture.nodes, activations.hand_loads, GRAVITY_M_PER_S2)
+    if torso is not None and settings.torso["model"] == MODES:
+        from pilotgen.posture.seated_spine import torso_modes
+
+        cutoff_hz = settings.torso["modes_up_to_hz"]
+        modes = torso_modes(torso, cockpit, biometrics, GRAVITY_M_PER_S2, cutoff_hz)
+        torso = dataclasses.replace(torso, modes=modes)
+        write(FEM_NAME, modes.fem)
 
     def direct(gains: Reflex) -> str:
         return render_direct(
@@ -336,9 +349,9 @@ def solve_pilot(
 
     text = direct(gains)
     write(PILOT_DECK, text)
-    matrices = linearise_direct(context, text, where) if linearise else None
+    matrices = linearise_direct(context, text, where, torso) if linearise else None
     late = linearise and settings.reflex_delay_s > 0.0
-    bare = linearise_direct(context, direct(Reflex(0.0, 0.0)), Path(context.scratch)) if late else None
+    bare = linearise_direct(context, direct(Reflex(0.0, 0.0)), Path(context.scratch), torso) if late else None
     return SolvedPilot(study, biometrics, body, cockpit, posture, activations, torso, text, matrices, bare)
 
 
@@ -367,26 +380,33 @@ def feedthrough_of(pilot: SolvedPilot) -> tuple[PilotModel, dict[str, float]]:
     return model, {"certificate": certified, "pade_error": pade_error}
 
 
-def _linearised(context: EvaluationContext, text: str, name: str, path: str) -> Matrices:
-    """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another."""
+def _linearised(context: EvaluationContext, text: str, name: str, path: str, more: str = "") -> Matrices:
+    """Have a deck linearised and read what the solver wrote: matrices of this deck, not of another.
+
+    `more` is the text of the file that the deck reads.
+    """
     reply = context.ask("linearise", text, name, path, nodes=False)
     try:
         matrices = read_matrices(path, reply.datasets)
     except FileError as error:
         raise EvaluationError("matrices", f"mbdae said that it linearised {name}, but {error}") from None
-    if matrices.deck_sha256 != hashlib.sha256(text.encode()).hexdigest():
+    if matrices.deck_sha256 != hashlib.sha256((text + more).encode()).hexdigest():
         raise EvaluationError(
             "matrices", f"mbdae said that it linearised {name}, but {os.path.basename(path)} is of another deck"
         )
     return matrices
 
 
-def linearise_direct(context: EvaluationContext, text: str, where: Path) -> Matrices:
+def linearise_direct(context: EvaluationContext, text: str, where: Path, torso: SeatedTorso | None = None) -> Matrices:
     """Matrices of a pilot's deck, which must be in equilibrium; `where` gets matrices.h5.
+
+    `torso` is the deck's: modes of it stand in a file beside the deck.
 
     Raises EvaluationError if the deck is not in equilibrium or the file is not this deck's.
     """
-    matrices = _linearised(context, text, PILOT_DECK, f"{where}/matrices.h5")
+    context.put_modes(torso)
+    more = torso.modes.fem if torso is not None and torso.modes is not None else ""
+    matrices = _linearised(context, text, PILOT_DECK, f"{where}/matrices.h5", more)
     worst = float(np.max(np.abs(matrices.equilibrium_residual)))
     if not worst < EQUILIBRIUM_LIMIT:
         index = int(np.argmax(np.abs(matrices.equilibrium_residual)))
@@ -397,6 +417,8 @@ def linearise_direct(context: EvaluationContext, text: str, where: Path) -> Matr
     if context.solver == "mbdyn":
         deck = where / PILOT_DECK
         write_text(deck, text)
+        if torso is not None and torso.modes is not None:
+            write_text(where / FEM_NAME, torso.modes.fem)
         from pilotgen.solver.mbdyn_files import read_mbdyn
 
         return read_mbdyn(run_mbdyn(deck, where, context.mbdyn, context.time_limit_s), layout=matrices)

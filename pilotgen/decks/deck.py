@@ -108,7 +108,10 @@ def _posture_text(posture: Posture) -> list[SimpleNamespace]:
 def _counts(arms: int, last: str, torso: Part | None = None) -> dict[str, str]:
     """Expressions of the control data: seat, torso, then per arm the control and the arm; `last` joints of each arm."""
     bones, joints = len(SEGMENTS), ARM_JOINTS
-    bodies, springs, carried = (len(torso.bodies), len(torso.springs), len(torso.carried_arms)) if torso else (0, 0, 0)
+    bodies = springs = carried = 0
+    if torso:
+        bodies, carried = len(torso.bodies), len(torso.carried_arms)
+        springs = len(torso.springs) + (torso.modes is not False)
     nodes_of_torso = f" + {bodies}" if torso else ""
     springs_of_torso = f" + {springs}" if torso else ""
     bodies_of_torso = f"{bodies + carried} + " if torso else ""

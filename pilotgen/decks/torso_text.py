@@ -5,32 +5,44 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import hashlib
 from types import SimpleNamespace
 
 import numpy as np
 
+from pilotgen.anthropometry.torso import CARRIER
 from pilotgen.decks.template_cache import Part
 from pilotgen.decks.text import number, numbers, vector
-from pilotgen.posture.seated_torso import Point, SeatedTorso
+from pilotgen.posture.seated_torso import FEM_NAME, Point, SeatedTorso, TorsoModes
 
 FIRST_NODE, FIRST_SPRING, FIRST_FRAME = 31, 131, 31  # labels
 
 
 def torso_text(seated: SeatedTorso) -> Part:
-    """The torso of one pilot in his seat."""
-    torso = seated.torso
-    numbered = {row.name: FIRST_NODE + i for i, row in enumerate(torso.bodies)}
+    """The torso of one pilot in his seat: bodies and springs, or with modes what of them is above the spine."""
+    torso, modes = seated.torso, seated.modes
+    rows, chain = torso.bodies, torso.springs
+    carrier = seated.places[CARRIER]
+    if modes is not None:
+        above = [row.name for row in rows if row.name in torso.carriers.values()]  # the thorax, or girdles on it
+        rows = tuple(row for row in rows if row.name == CARRIER or row.name in above)
+        chain = tuple(spring for spring in chain if spring.second in above and spring.first == CARRIER)
+        carrier = modes.place_m
+    numbered = {row.name: FIRST_NODE + i for i, row in enumerate(rows)}
     bodies = [
         SimpleNamespace(
             name=row.name.upper(),
             what=row.what,
             label=str(numbered[row.name]),
-            place=_point(seated.places[row.name]),
+            place=_point(carrier if row.name == CARRIER else seated.places[row.name]),
             mass=number(row.mass_kg),
-            inertia=number(row.mass_kg * row.gyration_m**2),
+            inertia=[number(row.mass_kg * row.gyration_m**2)],
         )
-        for row in torso.bodies
+        for row in rows
     ]
+    if modes is not None:
+        thorax = bodies[[row.name for row in rows].index(CARRIER)]
+        thorax.mass, thorax.inertia = number(modes.mass_kg), _numbers(modes.inertia_kg_m2)
     springs = [
         SimpleNamespace(
             name=f"{spring.name.upper()}_SPRING",
@@ -47,9 +59,8 @@ def torso_text(seated: SeatedTorso) -> Part:
             C=_numbers(spring.damping),
             prestress=", ".join(_numbers(seated.prestress[spring.name])),
         )
-        for i, spring in enumerate(torso.springs)
+        for i, spring in enumerate(chain)
     ]
-    carrier = seated.places["thorax"]
     arms = [
         SimpleNamespace(
             name=f"CARRIED_{side.upper()}_ARM",
@@ -60,7 +71,23 @@ def torso_text(seated: SeatedTorso) -> Part:
         )
         for i, (side, (mass_kg, at)) in enumerate(seated.carried_arms.items())
     ]
-    return Part(bodies=bodies, springs=springs, carried_arms=arms, resonance=f"{torso.resonance_hz:.2f}")
+    return Part(
+        bodies=bodies,
+        springs=springs,
+        carried_arms=arms,
+        resonance=f"{torso.resonance_hz:.2f}",
+        modes=_modes_text(modes) if modes is not None else False,
+    )
+
+
+def _modes_text(modes: TorsoModes) -> SimpleNamespace:
+    return SimpleNamespace(
+        interface=modes.interface,
+        count=str(modes.count),
+        preload=_numbers(modes.preload),
+        file=FEM_NAME,
+        sha256=hashlib.sha256(modes.fem.encode()).hexdigest()[:16],
+    )
 
 
 def _numbers(values: tuple[float, ...]) -> list[str]:

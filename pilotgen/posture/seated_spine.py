@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from pilotgen.anthropometry.biometrics import Biometrics
-from pilotgen.anthropometry.spine import SpineModel, SpineSeat, carrier_place, spine_model
+from pilotgen.anthropometry.spine import SpineModel, SpineSeat, carrier_name, carrier_place, spine_model
+from pilotgen.anthropometry.spine_modes import fem_text, reduce_spine
 from pilotgen.anthropometry.torso import CARRIER, torso_points, upper_trunk_share
 from pilotgen.posture.cockpit import Cockpit
-from pilotgen.posture.seated_torso import SeatedTorso, shoulder_up_m
+from pilotgen.posture.seated_torso import SeatedTorso, TorsoModes, shoulder_up_m
 
 
 def seated_spine(seated: SeatedTorso, cockpit: Cockpit, biometrics: Biometrics, gravity_m_per_s2: float) -> SpineModel:
@@ -62,6 +63,38 @@ def seated_spine(seated: SeatedTorso, cockpit: Cockpit, biometrics: Biometrics, 
         upper_trunk_kg=thorax.mass_kg * upper_trunk_share(biometrics.sex),
         carrier_load=_on_the_shoulders(seated, carrier_place(seat), gravity_m_per_s2),
         gravity_m_per_s2=gravity_m_per_s2,
+    )
+
+
+def torso_modes(
+    seated: SeatedTorso, cockpit: Cockpit, biometrics: Biometrics, gravity_m_per_s2: float, cutoff_hz: float
+) -> TorsoModes:
+    """The spine of a pilot in his seat, reduced to seat and shoulders.
+
+    Parameters
+    ----------
+    seated, cockpit, biometrics, gravity_m_per_s2
+        As of `seated_spine`.
+    cutoff_hz : float
+        All fixed-interface modes up to this frequency are kept.
+
+    Raises
+    ------
+    EvaluationError
+        Stage "torso": as `seated_spine`, or a spine that its load buckles.
+    """
+    spine = seated_spine(seated, cockpit, biometrics, gravity_m_per_s2)
+    interface = carrier_name()
+    reduced = reduce_spine(spine, cutoff_hz, interfaces=[interface])
+    carrier = spine.bodies[spine.index(interface)]
+    return TorsoModes(
+        interface=interface,
+        place_m=carrier.place_m,
+        mass_kg=carrier.mass_kg,
+        inertia_kg_m2=carrier.inertia_kg_m2,
+        count=reduced.modes,
+        preload=tuple(reduced.preload.tolist()),
+        fem=fem_text(reduced, f"spine of a pilot in his seat, fixed-interface modes up to {cutoff_hz:g} Hz"),
     )
 
 

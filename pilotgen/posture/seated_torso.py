@@ -24,6 +24,40 @@ Load = tuple[Point, Point, Point]
 
 
 @dataclass(frozen=True)
+class TorsoModes:
+    """A spine reduced to modes, as a deck has it (docs/theory/spine.md).
+
+    Attributes
+    ----------
+    interface : str
+        Node of the `.fem` file that the thorax's node of the deck stands for.
+    place_m : Point
+        Where it is, world.
+    mass_kg : float
+        Of the slice of the trunk there, which is a body of the deck.
+    inertia_kg_m2 : tuple of 3 floats
+        About its centre of mass, world axes.
+    count : int
+        Number of modes.
+    preload : tuple of float
+        Constant forces on the modal equations.
+    fem : str
+        Text of the `.fem` file.
+    """
+
+    interface: str
+    place_m: Point
+    mass_kg: float
+    inertia_kg_m2: tuple[float, float, float]
+    count: int
+    preload: tuple[float, ...]
+    fem: str
+
+
+FEM_NAME = "torso.fem"
+
+
+@dataclass(frozen=True)
 class SeatedTorso:
     """A torso placed in the cockpit; every body has the world's axes.
 
@@ -41,6 +75,8 @@ class SeatedTorso:
         Mass [kg] and place [m] of an arm that is not in the deck, by side.
     prestress : dict
         By spring: force and moment on its first body about the spring's point, in the spring's axes [N, N m].
+    modes : TorsoModes, optional
+        The distributed spine, reduced, that stands in a deck instead of bodies and springs up to the shoulders.
     """
 
     torso: Torso
@@ -49,6 +85,7 @@ class SeatedTorso:
     back_angle_deg: float
     carried_arms: dict[str, tuple[float, Point]]
     prestress: dict[str, Six]
+    modes: TorsoModes | None = None
 
 
 def seat_torso(

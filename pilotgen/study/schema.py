@@ -290,9 +290,12 @@ SCHEMA: Mapping[str, Field] = {
         default=None, model=MULTIBODY, meaning="what is between seat and shoulders ([theory](../theory/torso.md))"
     ),
     "pilot.torso.model": Choice(
-        ("lumped", "rigid"),
+        ("lumped", "modes", "rigid"),
         default=None,
-        meaning="rigid bodies on springs, or one body with the seat",
+        meaning="rigid bodies on springs, modes of a spine of 17 levels, or one body with the seat",
+    ),
+    "pilot.torso.modes_up_to_hz": Number(
+        5.0, 1000.0, "Hz", default=None, meaning="with `modes`: all modes of the held spine up to here are kept"
     ),
     "pilot.torso.age_trend": Truth(default=None, meaning="whether the seated body's resonance rises with age"),
     "pilot.torso.bmi_trend": Truth(default=None, meaning="whether it falls with body mass index"),

@@ -16,7 +16,7 @@ from pilotgen.study.yaml_file import YamlDocument, bundled
 TorsoNumbers = dict[str, Any]
 """`model`, `age_trend`, `bmi_trend`, a mapping of numbers per spring, `girdle` (None: there is none)."""
 
-RIGID, LUMPED = "rigid", "lumped"  # torso models
+RIGID, LUMPED, MODES = "rigid", "lumped", "modes"  # torso models
 
 
 def torso_from(checked: Mapping[str, Any] | None) -> TorsoNumbers:

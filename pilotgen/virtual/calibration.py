@@ -252,7 +252,7 @@ class CalibrationPilot:
             c=pilot.study.pilot.matrix_coefficient_s,
             torso=pilot.torso,
         )
-        return linearise_direct(self._bench, text, self._bench.scratch)
+        return linearise_direct(self._bench, text, self._bench.scratch, pilot.torso)
 
     def gain_margin_db(self, model: PilotModel) -> float:
         """Gain margin [dB] of one of the pilot's models, or of people, with the study's rotorcraft and washout."""

@@ -202,7 +202,7 @@ def identify(
         )
     gains = reflex_gains(study.pilot.task, study.pilot.torso["model"], study.pilot.reflex)
     middle = time.perf_counter()
-    matrices = linearise_direct(context, pilot.deck, context.scratch)
+    matrices = linearise_direct(context, pilot.deck, context.scratch, pilot.torso)
     model = make_pilot_model(matrices, lever_length_m=study.inceptor.lever_length_m)
     model.response(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
     direct_s = time.perf_counter() - middle

@@ -249,6 +249,7 @@ class VirtualTest:
         where = self._keep if self._keep is not None else self._bench.scratch
         if self._keep is not None:
             write_text(where / f"{name}.mbd", text)
+        self._bench.put_modes(self._pilot.torso)
         output = where / f"{name}.motion.h5"
         limit = self._bench.time_limit_s
         self._bench.time_limit_s = TIME_LIMIT_S
