@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import orjson
 
 from pilotgen.anthropometry.spine import FREEDOMS, SEAT, SpineModel
 from pilotgen.errors import EvaluationError
@@ -149,7 +150,7 @@ def fem_text(reduced: ReducedSpine, title: str = "spine") -> str:
 
     Node labels are the bodies' names in capitals and SEAT, where the modal node stands. Coordinates are from the seat's
     node, in the world's axes: the modal node has those. Lumped masses (record group 11) are the interior's; interfaces
-    have none here. 17 significant digits.
+    have none here. Numbers have the fewest digits (17 at most) that read back the same.
 
     Parameters
     ----------
@@ -169,13 +170,10 @@ def fem_text(reduced: ReducedSpine, title: str = "spine") -> str:
     places = np.array([body.place_m for body in spine.bodies]) - spine.origin_m
     labels = " ".join(name.upper() for name in (SEAT, *(body.name for body in spine.bodies)))
     nodes = 1 + len(spine.bodies)
-    row = " ".join(["%.17g"] * FREEDOMS) + "\n"
-    shape = row * (nodes - 1)  # one mode of all bodies: W is in the same order
-    lumped = ["0 0 0 0 0 0\n"]
-    for body in spine.bodies:
-        mass = 0.0 if body.name in reduced.interfaces else body.mass_kg
-        inertia = (0.0, 0.0, 0.0) if body.name in reduced.interfaces else body.inertia_kg_m2
-        lumped.append(row % (mass, mass, mass, *inertia))
+    lumped = np.zeros((nodes, FREEDOMS))
+    for i, body in enumerate(spine.bodies, 1):
+        if body.name not in reduced.interfaces:
+            lumped[i] = (body.mass_kg, body.mass_kg, body.mass_kg, *body.inertia_kg_m2)
     interfaces = ", ".join(name.upper() for name in reduced.interfaces)
     out = [
         f"** {title.splitlines()[0] if title else 'spine'}: {fixed} constraint modes of {interfaces}, "
@@ -185,24 +183,26 @@ def fem_text(reduced: ReducedSpine, title: str = "spine") -> str:
         f"** RECORD GROUP 2, FINITE ELEMENT NODE LIST\n{labels}\n",
     ]
     for group, axis in ((5, "X"), (6, "Y"), (7, "Z")):
-        values = [0.0, *places[:, group - 5].tolist()]
-        out.append(f"** RECORD GROUP {group}, NODAL {axis} COORDINATES\n" + _lines(values, len(values)))
+        values = np.concatenate(([0.0], places[:, group - 5]))
+        out.append(f"** RECORD GROUP {group}, NODAL {axis} COORDINATES\n" + _rows(values[None]))
     out.append("** RECORD GROUP 8, MODE SHAPES\n")
-    for k, mode in enumerate(W.T.tolist(), 1):
-        out.append(f"** mode {k}\n0 0 0 0 0 0\n" + shape % tuple(mode))
+    shapes = _rows(W.T.reshape(-1, FREEDOMS)).splitlines(keepends=True)  # W has the bodies in the same order
+    for k in range(modes):
+        out += [f"** mode {k + 1}\n0 0 0 0 0 0\n", *shapes[k * (nodes - 1) : (k + 1) * (nodes - 1)]]
     for group, name, matrix in (
         (9, "MODAL MASS MATRIX", reduced.M),
         (10, "MODAL STIFFNESS MATRIX", reduced.K),
         (13, "MODAL DAMPING MATRIX", reduced.C),
     ):
-        out.append(f"** RECORD GROUP {group}, {name}\n" + _lines(matrix.ravel().tolist(), modes))
-    out.append("** RECORD GROUP 11, LUMPED MASSES\n" + "".join(lumped) + "** END OF FILE\n")
+        out.append(f"** RECORD GROUP {group}, {name}\n" + _rows(matrix))
+    out.append("** RECORD GROUP 11, LUMPED MASSES\n" + _rows(lumped) + "** END OF FILE\n")
     return "".join(out)
 
 
-def _lines(values: list[float], per_line: int) -> str:
-    line = " ".join(["%.17g"] * per_line) + "\n"
-    return (line * (len(values) // per_line)) % tuple(values)
+def _rows(matrix: Floats) -> str:
+    """A matrix row by row, each number with the fewest digits that read back the same."""
+    text = orjson.dumps((matrix + 0.0).tolist()).decode()[2:-2]
+    return text.replace("],[", "\n").replace(",", " ") + "\n"
 
 
 def _fixed_modes(K_ii: Floats, masses: Floats, cutoff_hz: float) -> tuple[Floats, Floats]:
