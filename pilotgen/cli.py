@@ -33,6 +33,7 @@ COMMANDS = (
     "check-mbdyn",
     "export",
     "margins",
+    "loops",
     "rotorcraft",
     "torso",
     "calibrate",

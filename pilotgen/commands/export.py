@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _model(args: argparse.Namespace) -> Any:
     """The pilot's model; made anew from his matrices for other axes than heave."""
+    from pilotgen.commands.loops import common_point
     from pilotgen.errors import StudyError
     from pilotgen.linear.feedthrough import make_pilot_model
     from pilotgen.linear.imposed_motion import SEAT_MOTIONS, Channels
@@ -92,22 +93,6 @@ def _model(args: argparse.Namespace) -> Any:
             f"{args.directory}: a pilot of projection {model.projection!r} has heave alone; other axes need a "
             "multibody pilot of the exact projection"
         )
-    channels = Channels(inputs=inputs, point_m=_point(args.point))
+    channels = Channels(inputs=inputs, point_m=common_point(args.point, "--point"))
     matrices = read_matrices(args.directory / "matrices.h5")
     return make_pilot_model(matrices, model.lever_length_m, model.washout_rad_s, channels=channels)
-
-
-def _point(text: str | None) -> tuple[float, float, float]:
-    import math
-
-    from pilotgen.errors import StudyError
-
-    if text is None:
-        return 0.0, 0.0, 0.0
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        raise StudyError(f"--point {text}: three numbers separated by commas are wanted, such as 0.3,-0.4,0") from None
-    if not all(math.isfinite(value) and abs(value) <= 20.0 for value in (x, y, z)):
-        raise StudyError(f"--point {text}: metres from the seat, at most 20 each, are wanted")
-    return x, y, z
