@@ -369,11 +369,17 @@ def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 
     m_I, c_I, k_I = (column[:, input] for column in (imposed.M_imposed, imposed.C_imposed, imposed.K_imposed))
     phi_0 = imposed.g_y_imposed[free.constraint_rows, input]
     phi_1 = imposed.g_ydot_imposed[free.constraint_rows, input]
+    rigid = imposed.rigid[:, input]
     if len(imposed.outputs) > 1:
         q, r = _connected(form, weights != 0.0)
         M, C, K, B = block(M, q, q), block(C, q, q), block(K, q, q), block(B, q, r)
         Phi_0, Phi_1 = block(Phi_0, r, q), block(Phi_1, r, q)
         weights, m_I, c_I, k_I, phi_0, phi_1 = weights[q], m_I[q], c_I[q], k_I[q], phi_0[r], phi_1[r]
+        rigid = rigid[q]
+    # motion relative to the cockpit: its forces are small, those of the whole motion a difference of large ones
+    m_I, c_I, k_I = m_I + M @ rigid, c_I + C @ rigid, k_I + K @ rigid
+    phi_0, phi_1 = phi_0 + Phi_0 @ rigid, phi_1 + Phi_1 @ rigid
+    along = float(weights @ rigid) + float(imposed.output_imposed[output, input])
     inner = ~((B != 0.0).any(axis=1) | ((Phi_0 != 0.0) | (Phi_1 != 0.0)).any(axis=0)) & (weights == 0.0)
     rows = independent_constraints(Phi_0 + Phi_1)
     if len(rows) < len(Phi_0):  # redundant constraints: an independent set of them says the same
@@ -415,7 +421,7 @@ def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 
         solution = np.linalg.solve(pencil, right)
     except np.linalg.LinAlgError as error:
         raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
-    response: Complexes = (solution[:, :n_q, 0] @ weights[k] + imposed.output_imposed[output, input]) / (s * s)
+    response: Complexes = (solution[:, :n_q, 0] @ weights[k] + along) / (s * s)
     return response
 
 
