@@ -251,25 +251,29 @@ def assemble_spine(
     place = {body.name: i for i, body in enumerate(bodies)}
     _check(springs, place)
     size = FREEDOMS * len(bodies)
-    M, C, K = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    M = np.zeros(size)
     for body, i in zip(bodies, range(0, size, FREEDOMS), strict=True):
         M[i : i + 3] = body.mass_kg
         M[i + 3 : i + 6] = body.inertia_kg_m2
-    centres = np.array([body.place_m for body in bodies])
-    prestress = _prestress(bodies, springs, loads, gravity_m_per_s2, centres)
-    for spring in springs:
-        second = place[spring.second]
-        first = place.get(spring.first, -1)
-        start = origin_m if first < 0 else centres[first]
-        stiffness, damping = _spring_matrices(spring, prestress[spring.name], start, centres[second])
-        ends = [(0, first), (6, second)]
-        for row, i in ends:
-            for column, j in ends:
-                if i < 0 or j < 0:
-                    continue
-                at = (slice(6 * i, 6 * i + 6), slice(6 * j, 6 * j + 6))
-                K[at] += stiffness[row : row + 6, column : column + 6]
-                C[at] += damping[row : row + 6, column : column + 6]
+    centres = np.array([*(body.place_m for body in bodies), origin_m])  # the seat last
+    first = np.array([place.get(spring.first, len(bodies)) for spring in springs])
+    second = np.array([place[spring.second] for spring in springs])
+    points = np.array([spring.point_m for spring in springs])
+    axes = np.array([spring.axes for spring in springs])
+    carried = _carried(bodies, springs, loads, gravity_m_per_s2, centres, place)
+    wrenches = _about_points(carried, points)
+    stiffness, damping = _spring_matrices(springs, axes, wrenches, points - centres[first], points - centres[second])
+    freedoms = np.arange(FREEDOMS)
+    ends = np.concatenate([FREEDOMS * first[:, None] + freedoms, FREEDOMS * second[:, None] + freedoms], axis=1)
+    at = (ends[:, :, None], ends[:, None, :])
+    C, K = np.zeros((size + FREEDOMS,) * 2), np.zeros((size + FREEDOMS,) * 2)
+    np.add.at(K, at, stiffness)
+    np.add.at(C, at, damping)
+    C, K = C[:size, :size].copy(), K[:size, :size].copy()  # the seat does not move
+    in_axes = np.concatenate(
+        [np.einsum("nij,ni->nj", axes, wrenches[:, :3]), np.einsum("nij,ni->nj", axes, wrenches[:, 3:])], axis=1
+    )
+    prestress = {spring.name: row for spring, row in zip(springs, in_axes, strict=True)}
     return SpineModel(
         bodies=tuple(bodies),
         springs=tuple(springs),
@@ -426,78 +430,77 @@ def _check(springs: Sequence[SpineSpring], place: Mapping[str, int]) -> None:
             )
 
 
-def _prestress(
+def _carried(
     bodies: Sequence[SpineBody],
     springs: Sequence[SpineSpring],
     loads: Mapping[str, Floats],
     gravity: Floats,
     centres: Floats,
-) -> dict[str, Floats]:
-    """What every spring carries: the loads on the bodies above it, about its point, in its axes."""
-    # Force and moment about the world's origin of every body with all above it; springs are in the order of the load.
-    own = {}
-    for body, centre in zip(bodies, centres, strict=True):
-        load = np.zeros(6)
-        load[:3] = body.mass_kg * gravity
-        if body.name in loads:
-            load += loads[body.name]
-        load[3:] += _cross(centre, load[:3])
-        own[body.name] = load
-    carrying = [spring for spring in springs if spring.carries]
-    for spring in reversed(carrying):
-        if spring.first != SEAT:
-            own[spring.first] = own[spring.first] + own[spring.second]
-    out = {}
-    for spring in springs:
-        if not spring.carries:
-            out[spring.name] = np.zeros(6)
-            continue
-        load = own[spring.second]
-        moment = load[3:] - _cross(np.asarray(spring.point_m), load[:3])
-        out[spring.name] = np.concatenate([spring.axes.T @ load[:3], spring.axes.T @ moment])
+    place: Mapping[str, int],
+) -> Floats:
+    """Force and moment about the world's origin (n, 6) of all that every spring carries."""
+    own = np.zeros((len(bodies), 6))  # of every body with all above it; springs are in the order of the load
+    own[:, :3] = np.array([body.mass_kg for body in bodies])[:, None] * gravity
+    for name, load in loads.items():
+        own[place[name]] += load
+    own[:, 3:] += _cross(centres[: len(bodies)], own[:, :3])
+    for spring in reversed(springs):
+        if spring.carries and spring.first != SEAT:
+            own[place[spring.first]] += own[place[spring.second]]
+    out = own[[place[spring.second] for spring in springs]]
+    out[[not spring.carries for spring in springs]] = 0.0
     return out
 
 
-def _spring_matrices(spring: SpineSpring, prestress: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Tangent stiffness and damping (12, 12) of a spring without strain: rows are minus force and moment on its bodies.
+def _about_points(wrenches: Floats, points: Floats) -> Floats:
+    """The same with moments about other points (n, 3)."""
+    out = wrenches.copy()
+    out[:, 3:] -= _cross(points, wrenches[:, :3])
+    return out
 
-    Force and moment turn with the first body: (F, M + d1 x F) on it, -(F, M + d2 x F) on the second, d1 and d2 from the
-    centres of mass to the point. Motion: (x1, phi1, x2, phi2).
+
+def _spring_matrices(
+    springs: Sequence[SpineSpring], axes: Floats, wrenches: Floats, arms1: Floats, arms2: Floats
+) -> tuple[Floats, Floats]:
+    """Tangent stiffness and damping (n, 12, 12) of springs without strain: minus force and moment on their bodies.
+
+    Force and moment turn with the first body: (F, M + d1 x F) on it, -(F, M + d2 x F) on the second, d1 and d2 (n, 3)
+    from the centres of mass to the point. Motion: (x1, phi1, x2, phi2).
     """
-    point = np.asarray(spring.point_m)
-    d1, d2 = _skew(point - first), _skew(point - second)
-    frame = np.zeros((6, 6))
-    frame[:3, :3] = frame[3:, 3:] = spring.axes
-    k = (frame * spring.stiffness) @ frame.T
-    c = (frame * spring.damping) @ frame.T
+    n = len(springs)
+    d1, d2, Fx = _skew(arms1), _skew(arms2), _skew(wrenches[:, :3])
+    frame = np.zeros((n, 6, 6))
+    frame[:, :3, :3] = frame[:, 3:, 3:] = axes
+    turned = frame.transpose(0, 2, 1)
     one = np.eye(3)
-    strain = np.zeros((6, 12))
-    strain[:3, :3], strain[:3, 3:6], strain[:3, 6:9], strain[:3, 9:] = -one, d1, one, -d2
-    strain[3:, 3:6], strain[3:, 9:] = -one, one
-    F, moment = spring.axes @ prestress[:3], spring.axes @ prestress[3:]
-    Fx = _skew(F)
-    wrench = k @ strain
-    wrench[:3, 3:6] -= Fx
-    wrench[3:, 3:6] -= _skew(moment)
-    stiffness, damping = np.empty((12, 12)), np.empty((12, 12))
-    rate = c @ strain
+    strain = np.zeros((n, 6, 12))
+    strain[:, :3, :3], strain[:, :3, 3:6], strain[:, :3, 6:9], strain[:, :3, 9:] = -one, d1, one, -d2
+    strain[:, 3:, 3:6], strain[:, 3:, 9:] = -one, one
+    wrench = (frame * np.array([spring.stiffness for spring in springs])[:, None, :]) @ (turned @ strain)
+    rate = (frame * np.array([spring.damping for spring in springs])[:, None, :]) @ (turned @ strain)
+    wrench[:, :3, 3:6] -= Fx
+    wrench[:, 3:, 3:6] -= _skew(wrenches[:, 3:])
+    stiffness, damping = np.empty((n, 12, 12)), np.empty((n, 12, 12))
     for row, sign, arm in ((0, -1.0, d1), (6, 1.0, d2)):
-        stiffness[row : row + 3] = sign * wrench[:3]
-        damping[row : row + 3] = sign * rate[:3]
-        moments = wrench[3:] + arm @ wrench[:3]
-        moments[:, 9:] += Fx @ d2
+        stiffness[:, row : row + 3] = sign * wrench[:, :3]
+        damping[:, row : row + 3] = sign * rate[:, :3]
+        moments = wrench[:, 3:] + arm @ wrench[:, :3]
+        moments[:, :, 9:] += Fx @ d2
         if row == 0:  # the arm of the first body reaches to the second's point
-            moments[:, :3] += Fx
-            moments[:, 6:9] -= Fx
-        stiffness[row + 3 : row + 6] = sign * moments
-        damping[row + 3 : row + 6] = sign * (rate[3:] + arm @ rate[:3])
+            moments[:, :, :3] += Fx
+            moments[:, :, 6:9] -= Fx
+        stiffness[:, row + 3 : row + 6] = sign * moments
+        damping[:, row + 3 : row + 6] = sign * (rate[:, 3:] + arm @ rate[:, :3])
     return stiffness, damping
 
 
 def _skew(a: Floats) -> Floats:
-    x, y, z = a.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """Matrices (n, 3, 3) of the cross product by vectors (n, 3)."""
+    out = np.zeros((len(a), 3, 3))
+    out[:, 2, 1], out[:, 0, 2], out[:, 1, 0] = a.T
+    return out - out.transpose(0, 2, 1)
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(_skew(a) @ b)
+    """Cross products of vectors (n, 3); quicker than numpy's."""
+    return np.asarray(np.einsum("nij,nj->ni", _skew(a), b))
