@@ -26,7 +26,12 @@ def add_parser(commands: Any) -> None:
         "pilotgen loops results/pilot --plant roll:bo105 --gearing lateral=1.1 --seat 0,0.6,0",
     )
     parser.add_argument("directory", metavar="PILOTDIR", type=common.user_path, help="output of `pilotgen pilot`")
-    parser.add_argument("--plant", required=True, metavar="NAME|FILE.json|roll:NAME", help="the rotorcraft")
+    parser.add_argument(
+        "--plant",
+        required=True,
+        metavar="NAME|FILE|roll:NAME",
+        help="the rotorcraft: bundled, .json, or a measured heave response as .csv",
+    )
     parser.add_argument(
         "--gearing",
         required=True,
@@ -60,6 +65,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.solver.matrices import read_matrices
 
     gearing = _gearing(args.gearing)
+    if args.plant.lower().endswith(".csv"):
+        return _measured(args, gearing)
     plant = _plant(args.plant, common_point(args.seat, "--seat"))
     model = read_pilot_model(args.directory / "pilot_model.h5")
     if plant.motions != ("heave",) or set(gearing) != {"collective"}:
@@ -94,6 +101,36 @@ def run(args: argparse.Namespace) -> int:
         print(f"{name:<16} others closed: gain margin {gain}, phase margin {phase}")
     print(f"all loops        disk margin {alpha:.4g}" + (f" at {hz:.3g} Hz" if not math.isnan(hz) else ""))
     return 0
+
+
+def _measured(args: argparse.Namespace, gearing: dict[str, float]) -> int:
+    """The heave loop with a measured rotorcraft."""
+    from pathlib import Path
+
+    from pilotgen.commands.margins import as_object, as_text
+    from pilotgen.errors import StudyError
+    from pilotgen.linear.pilot_model import read_pilot_model
+    from pilotgen.loop.measured import measured_margins, read_frequency_response
+
+    if set(gearing) != {"collective"} or args.seat is not None:
+        raise StudyError(
+            f"--plant {args.plant}: a measured rotorcraft has heave by collective, at the seat; "
+            "--gearing collective=G alone goes with it"
+        )
+    plant = read_frequency_response(Path(args.plant))
+    model = read_pilot_model(args.directory / "pilot_model.h5")
+    found, answer = measured_margins(model, plant, gearing["collective"] * model.lever_length_m)
+    if args.json:
+        told = {**as_object(found, answer), "plant_interpolation_error": _finite(plant.interpolation_error)}
+        print(json.dumps(told, indent=1, allow_nan=False))
+        return 0
+    print(as_text(found, answer))
+    print(f"interpolation of the rotorcraft's response: {plant.interpolation_error:.2g} of its largest value")
+    return 0
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _text(value: Any, unit: str) -> str:
