@@ -48,9 +48,9 @@ def projection() -> None:
     }
     grid = np.geomspace(LOW_HZ, HIGH_HZ, 400)
     points = np.geomspace(LOW_HZ, HIGH_HZ, 19)
-    plant = found["exact"].pilot_model.plant
-    assert plant is not None
-    full = 1e3 * study.inceptor.lever_length_m * full_order_response(plant, 2.0 * np.pi * points)
+    imposed = found["exact"].pilot_model.imposed
+    assert imposed is not None
+    full = 1e3 * study.inceptor.lever_length_m * full_order_response(imposed, 2.0 * np.pi * points)
     figure = style.new_figure(5.4)
     (magnitude, loop), (phase, angle) = figure.subplots(2, 2, sharex=True, height_ratios=(1.25, 1.0))
     for name, (label, color, line) in looks.items():
@@ -81,7 +81,7 @@ def projection() -> None:
     style.save(figure, HERE / "projection.png")
 
 
-def shaken() -> None:
+def simulated() -> None:
     """identification.png: the virtual tests at three amplitudes, muscles clipped and not."""
     study = read_study(STUDY)
     with EvaluationContext(study) as context:
@@ -110,4 +110,4 @@ if __name__ == "__main__":
         searched(Path(sys.argv[1]))
     else:
         projection()
-        shaken()
+        simulated()

@@ -120,7 +120,8 @@ def make_torso(
     }
     own = {  # springs of the person, scaled with him
         name: _scaled(_six(numbers[name], table), size * rho**2, size * rho, long**2)
-        for name in ("buttocks", "lumbar", "neck")
+        for name in table["springs"]
+        if name in numbers and name != "viscera"
     }
     own["viscera"] = _viscera(numbers["viscera"], bodies["viscera"].mass_kg, rho, table)
     own["back"] = _back(seat["back"], table)
