@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from pilotgen.runs.results import StudyResults
 
+Limits = Mapping[str, float | None]  # objective -> margin wanted, as a study's `limits`
+RULE_OF_THUMB: Limits = {row.key: row.limit for row in OBJECTIVES.values()}  # a study's limits if it says nothing
 INSTEAD = MODULUS_MARGIN  # drawn where no pilot has a phase margin
 ONE_PLACE = 0.02  # share of the box that a marker covers
 MARKER_AREA = 16.0  # points^2
@@ -59,11 +61,12 @@ def shown_margins(results: StudyResults) -> tuple[str, str]:
 class _Colors:
     """Gain margin -> colour, the same in every panel of a figure."""
 
-    def __init__(self, results: StudyResults) -> None:
+    def __init__(self, results: StudyResults, limits: Limits) -> None:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
         self.values = results.columns[GAIN_MARGIN.key]
+        self.limit = limits.get(GAIN_MARGIN.key)
         finite = self.values[np.isfinite(self.values)]
         # a search evaluates bad pilots more often: the first population is the fair one
         fair = self.values[results.members[0]] if len(results.members) else finite
@@ -87,11 +90,11 @@ class _Colors:
         )
 
     def bar(self, figure: Figure, panels: Any) -> None:
-        """The colour bar; lines at 0 dB (limit of stability) and at the rule of thumb."""
+        """The colour bar; lines at 0 dB (limit of stability) and at the study's limit."""
         bar = figure.colorbar(self.mappable, ax=panels, label="gain margin [dB]", shrink=0.9, pad=0.02, aspect=28)
         low, high = self.mappable.get_clim()
-        for level, color in ((0.0, BLACK), (GAIN_MARGIN.limit or 0.0, VERMILLION)):
-            if low < level < high:
+        for level, color in ((0.0, BLACK), (self.limit, VERMILLION)):
+            if level is not None and low < level < high:
                 bar.ax.axhline(level, color=color, linewidth=1.2)
 
 
@@ -159,7 +162,7 @@ def _ok_only(results: StudyResults, rows: np.ndarray) -> np.ndarray:
 
 
 @style.styled
-def populations(results: StudyResults, worst: int | None = None) -> Figure:
+def populations(results: StudyResults, worst: int | None = None, limits: Limits = RULE_OF_THUMB) -> Figure:
     """The population at the start (top) and at the end (bottom) of a search, over every pair of variables.
 
     Parameters
@@ -168,11 +171,13 @@ def populations(results: StudyResults, worst: int | None = None) -> Figure:
         A search: it has members.
     worst : int, optional
         Index of the worst pilot, ringed.
+    limits : mapping
+        Margins that the study wants, drawn as lines.
     """
     columns = _pairs(results)
     figure = style.new_figure(5.6 if len(columns) > 1 else 6.2, style.PAGE_WIDTH_IN if len(columns) > 1 else 6.0)
     panels = figure.subplots(2, len(columns), squeeze=False)
-    colors = _Colors(results)
+    colors = _Colors(results, limits)
     ends = ((0, "start"), (len(results.members) - 1, f"after {len(results.members)} generations"))
     for line, (generation, name) in zip(panels, ends, strict=True):
         rows = results.members[generation]
@@ -195,12 +200,12 @@ def _in_one_place(results: StudyResults, rows: np.ndarray) -> bool:
 
 
 @style.styled
-def all_individuals(results: StudyResults, worst: int | None = None) -> Figure:
+def all_individuals(results: StudyResults, worst: int | None = None, limits: Limits = RULE_OF_THUMB) -> Figure:
     """Every evaluated pilot over every pair of variables; failed ones as grey crosses."""
     columns = _pairs(results)
     figure = style.new_figure(3.1 if len(columns) > 1 else 3.6, style.PAGE_WIDTH_IN if len(columns) > 1 else 6.0)
     panels = figure.subplots(1, len(columns), squeeze=False)[0]
-    colors = _Colors(results)
+    colors = _Colors(results, limits)
     inputs = results.columns["inputs"]
     failed = np.flatnonzero(results.columns["status"] != "ok")
     for axes, (i, j) in zip(panels, columns, strict=True):
@@ -214,7 +219,9 @@ def all_individuals(results: StudyResults, worst: int | None = None) -> Figure:
 
 
 @style.styled
-def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None = None) -> Figure:
+def objective_plane(
+    results: StudyResults, front: np.ndarray, worst: int | None = None, limits: Limits = RULE_OF_THUMB
+) -> Figure:
     """Gain margin against phase margin (or modulus margin, see `shown_margins`) of every pilot, with the first front.
 
     Parameters
@@ -225,6 +232,8 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
         Indices of the first front.
     worst : int, optional
         Index of the worst pilot, ringed.
+    limits : mapping
+        Margins that the study wants, drawn as lines.
     """
     figure = style.new_figure(4.4, 6.6)
     axes = figure.subplots()
@@ -232,7 +241,7 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
     names = shown_margins(results)
     gain, phase = (results.columns[name] for name in names)
     x_scale, y_scale = MarginScale.of(gain[rows]), MarginScale.of(phase[rows])
-    colors = _Colors(results)
+    colors = _Colors(results, limits)
     colors.scatter(axes, x_scale.place(gain[rows]), y_scale.place(phase[rows]), rows)
     order = front[np.lexsort((phase[front], gain[front]))]
     axes.plot(
@@ -247,11 +256,11 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
     x_scale.apply(axes, "x")
     y_scale.apply(axes, "y")
     marked = [
-        scale.mark(axes, OBJECTIVES[name].limit, which)
+        scale.mark(axes, limits.get(name), which)
         for scale, which, name in zip((x_scale, y_scale), "xy", names, strict=True)
     ]
     if any(marked):
-        axes.plot([], [], color=style.GREEN, linestyle=(0, (5, 3)), linewidth=1.0, label="rule of thumb, 6 dB and 60°")
+        axes.plot([], [], color=style.GREEN, linestyle=(0, (5, 3)), linewidth=1.0, label="limits of the study")
     axes.set_xlabel(quantity(names[0]).axis)
     axes.set_ylabel(quantity(names[1]).axis)
     axes.legend(loc="lower right")
@@ -260,7 +269,7 @@ def objective_plane(results: StudyResults, front: np.ndarray, worst: int | None 
 
 
 @style.styled
-def convergence(results: StudyResults) -> Figure:
+def convergence(results: StudyResults, limits: Limits = RULE_OF_THUMB) -> Figure:
     """Smallest, median and middle half of the population's margins, generation by generation."""
     names = [name for name in results.objective_names if np.isfinite(results.columns[name]).any()]
     names = names or [shown_margins(results)[1]]
@@ -278,7 +287,7 @@ def convergence(results: StudyResults) -> Figure:
             *scale.broken(generations, history[:, 0]), color=VERMILLION, marker=".", markersize=4, label="smallest"
         )
         scale.apply(axes)
-        scale.mark(axes, OBJECTIVES[name].limit)
+        scale.mark(axes, limits.get(name))
         axes.set_xlim(0.5, len(generations) + 0.5)
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel("generation")
@@ -297,7 +306,9 @@ def _quartiles(values: np.ndarray) -> np.ndarray:
 
 
 @style.styled
-def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | None = None) -> Figure:
+def margin_curves(
+    results: StudyResults, curves: Sequence[Curve], worst: int | None = None, limits: Limits = RULE_OF_THUMB
+) -> Figure:
     """Margins against each variable: every pilot as a dot, and curves through the worst pilot.
 
     Parameters
@@ -308,6 +319,8 @@ def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | N
         One per variable, or none.
     worst : int, optional
         Index of the worst pilot.
+    limits : mapping
+        Margins that the study wants, drawn as lines.
     """
     count = len(results.names)
     figure = style.new_figure(4.8, style.PAGE_WIDTH_IN if count > 1 else 5.0)
@@ -344,7 +357,7 @@ def margin_curves(results: StudyResults, curves: Sequence[Curve], worst: int | N
             style.variable_limits(axes, "x", results.lower[j], results.upper[j])
         for axes in line:
             scale.apply(axes)
-            scale.mark(axes, OBJECTIVES[margin_name].limit)
+            scale.mark(axes, limits.get(margin_name))
         line[0].set_ylabel(quantity(margin_name).axis)
     for axes, name in zip(panels[-1], results.names, strict=True):
         axes.set_xlabel(quantity(name).axis)

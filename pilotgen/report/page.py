@@ -116,7 +116,7 @@ def render(
             "who": _front_ranges(results, front),
             "front_count": len(front),
             "table": _worst_table(results, order, solver),
-            "pictures": _pictures(results, front, worst, repeated),
+            "pictures": _pictures(results, study.limits, front, worst, repeated),
             "repeated": repeated,
             "worst_again": repeated.worst if repeated else None,
             "worst_failed": isinstance(repeated.worst, FailedEvaluation) if repeated else False,
@@ -135,33 +135,35 @@ def _picture(figure: Figure, alt: str, caption: str) -> Picture:
     return Picture(base64.b64encode(png(figure)).decode("ascii"), width_px, alt, caption)
 
 
-def _pictures(results: StudyResults, front: np.ndarray, worst: int, repeated: Repeated | None) -> dict[str, Picture]:
+def _pictures(
+    results: StudyResults, limits: study_figures.Limits, front: np.ndarray, worst: int, repeated: Repeated | None
+) -> dict[str, Picture]:
     dark = "Darker markers are more prone to bounce; the ring is the worst pilot."
     pictures = {
         "individuals": _picture(
-            study_figures.all_individuals(results, worst),
+            study_figures.all_individuals(results, worst, limits),
             "every evaluated pilot over the searched variables",
             f"Every evaluated pilot. {dark}",
         ),
         "plane": _picture(
-            study_figures.objective_plane(results, front, worst),
+            study_figures.objective_plane(results, front, worst, limits),
             "gain margin against phase margin of every pilot, with the Pareto front",
             _plane_caption(results),
         ),
         "curves": _picture(
-            study_figures.margin_curves(results, repeated.curves if repeated else (), worst),
+            study_figures.margin_curves(results, repeated.curves if repeated else (), worst, limits),
             "gain and phase margin of every pilot against each searched variable",
             _curves_caption(bool(len(results.members)), repeated is not None),
         ),
     }
     if len(results.members):
         pictures["populations"] = _picture(
-            study_figures.populations(results, worst),
+            study_figures.populations(results, worst, limits),
             "the first and the last population over the searched variables",
             f"The population at the start and at the end. {dark}",
         )
         pictures["convergence"] = _picture(
-            study_figures.convergence(results),
+            study_figures.convergence(results, limits),
             "smallest and median margins of the population against the generation",
             "The population's margins from generation to generation.",
         )

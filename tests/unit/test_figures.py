@@ -261,6 +261,23 @@ def test_a_wanted_margin_is_marked_only_among_finite_ones():
     assert [line.get_ydata()[0] for line in axes.lines] == [0.0, 0.0, 40.0]
 
 
+def test_the_study_s_own_limits_are_marked(results):
+    wanted = {"gain_margin_db": 4.5, "phase_margin_deg": None}
+
+    def dashed(axes):
+        return [line.get_ydata()[0] for line in axes.lines if line.get_color() == style.GREEN and len(line.get_ydata())]
+
+    for limits, level in ((wanted, [4.5]), ({}, [])):
+        assert dashed(figures.convergence(results, limits).axes[0]) == level
+        panels = figures.margin_curves(results, [], None, limits).axes
+        assert all(dashed(axes) == level for axes in panels[: len(results.names)])
+        assert not any(dashed(axes) for axes in panels[len(results.names) :])
+    levels = [
+        figures.all_individuals(results, None, limits).axes[-1].lines for limits in (wanted, {"gain_margin_db": 99.0})
+    ]
+    assert len(levels[0]) == len(levels[1]) + 1
+
+
 def test_a_line_breaks_where_a_margin_becomes_infinite():
     scale = style.MarginScale.of([0.0, 1.0, np.inf])
     x, y = scale.broken([1.0, 2.0, 3.0], [0.0, 1.0, np.inf])
