@@ -86,6 +86,8 @@ def _stages(args: argparse.Namespace) -> Sheet:
         if multibody:
             arms = {
                 "one arm": runs.variant(args.study, directory, "one", limbs=["left"]),
+                "one arm, rigid torso": runs.variant(args.study, directory, "rigid", limbs=["left"], torso="rigid"),
+                "one arm, torso in modes": runs.variant(args.study, directory, "modes", limbs=["left"], torso="modes"),
                 "two arms": runs.variant(args.study, directory, "two", limbs=["left", "right"]),
             }
         for name, path in arms.items():

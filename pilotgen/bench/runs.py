@@ -25,11 +25,17 @@ from pilotgen.study.yaml_file import read_yaml
 
 
 def variant(study: Path, directory: Path, name: str, **search: Any) -> Path:
-    """Write the study with other keys in its search (`limbs` goes to the pilot) and return the new file's path."""
+    """Write the study with other keys in its search and return the new file's path.
+
+    `limbs` goes to the pilot, and so does `torso`, a torso model.
+    """
     text = read_yaml(study).value
     limbs = search.pop("limbs", None)
     if limbs is not None:
         text["pilot"]["limbs"] = limbs
+    torso = search.pop("torso", None)
+    if torso is not None:
+        text["pilot"]["torso"] = {"model": torso}
     text["search"].update(search)
     path = directory / f"{name}.yaml"
     path.write_text(yaml.safe_dump(text), encoding="utf-8")

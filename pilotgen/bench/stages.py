@@ -38,9 +38,10 @@ STAGES: dict[str, tuple[str, ...]] = {
     "decks: pilot": ("render_direct",),
     "matrices: read": ("read_matrices",),
     "activations": ("solve_activations",),
+    "torso": ("make_torso", "seat_torso"),
     "modes and feedthrough": ("make_pilot_model", "mayo_pilot"),
     "certificate": ("certificate",),
-    "loop and margins": ("_close_loop",),
+    "loop and margins": ("close_loop",),
     "summary": ("bdft_summary",),
 }
 REST = "rest of the chain"
