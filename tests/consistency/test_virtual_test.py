@@ -25,13 +25,14 @@ STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"
 
 @pytest.fixture(scope="module")
 def context(mbdae: Path) -> Iterator[EvaluationContext]:
-    with EvaluationContext(read_study(STUDY), mbdae=str(mbdae)) as context:
+    study, _ = read_study(STUDY).with_values({"pilot.torso.model": "rigid"})  # with springs: test_six_axes.py
+    with EvaluationContext(study, mbdae=str(mbdae)) as context:
         yield context
 
 
 @pytest.fixture(scope="module")
 def test(context: EvaluationContext) -> VirtualTest:
-    return VirtualTest(context, solve_pilot(context, context.study.nominal), reflex_gains("position"))
+    return VirtualTest(context, solve_pilot(context, context.study.nominal), reflex_gains("position", "rigid"))
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def test_small_random_motion_agrees_with_the_matrices(test: VirtualTest, direct)
 def test_the_fixed_step_method_agrees_too(context: EvaluationContext, direct) -> None:  # type: ignore[no-untyped-def]
     """MBDyn's own integrator, 128 steps a period: its error is of second order in the step."""
     pilot = solve_pilot(context, context.study.nominal)
-    point = harmonic_test(VirtualTest(context, pilot, reflex_gains("position"), integrator="ms"), 4.0, 0.05)
+    point = harmonic_test(VirtualTest(context, pilot, reflex_gains("position", "rigid"), integrator="ms"), 4.0, 0.05)
     assert point.response / complex(direct(4.0)) == pytest.approx(1.0, abs=2e-3)
 
 
