@@ -152,18 +152,22 @@ def predict(deck: str, cards: PhaseCards, matrices: Matrices) -> Prediction:
     return Prediction(deck, assembly, False, told, True, residuals)
 
 
+_KEPT = (b"momentum", b"momenta_moment", b"velocity", b"angular_velocity", b"modal_displacement", b"modal_velocity")
+
+
 def derivatives_residuals(matrices: Matrices, cards: PhaseCards) -> tuple[float, ...]:
     """2-norm of MBDyn's residual before each iteration of its derivatives phase.
 
-    Newton's iteration on accelerations and reactions: after each one positions, orientations and velocities are put
-    back, momenta keep c_d times their new rates. Holonomic constraint rows are phi / c_d.
+    Newton's iteration on accelerations and reactions: after each one positions, orientations and velocities of nodes
+    are put back; momenta, velocities of modal nodes and all that modal joints own keep c_d times their new rates.
+    Holonomic constraint rows are phi / c_d.
     """
     c_d = cards.coefficient * cards.time_step_s
     g_ydot = 0.5 * (matrices.J_plus + matrices.J_minus)
     g_y = (matrices.J_plus - matrices.J_minus) / (2.0 * matrices.c)
     kinds = matrices.kinds
     reaction = kinds == b"reaction"
-    momentum = (kinds == b"momentum") | (kinds == b"momenta_moment")
+    keeps = np.isin(kinds, _KEPT)
     holonomic = reaction & ~(g_ydot[:, ~reaction] != 0.0).any(axis=1)
     J = g_ydot + c_d * g_y
     J[:, reaction] = g_y[:, reaction]
@@ -171,18 +175,18 @@ def derivatives_residuals(matrices: Matrices, cards: PhaseCards) -> tuple[float,
     J[np.ix_(holonomic, reaction)] = 0.0
     start: NDArray[np.float64] = np.array(matrices.residual, dtype=float)
     start[holonomic] /= c_d
-    moving = np.where((momentum | reaction)[None, :], g_y, 0.0)
-    moving[holonomic] = 0.0
+    moving = np.where((keeps | reaction)[None, :], g_y, 0.0)
+    moving[holonomic] = np.where(kinds == b"modal_displacement", g_y[holonomic] / c_d, 0.0)
     rates, values = np.zeros(len(start)), np.zeros(len(start))
     norms: list[float] = []
     for _ in range(cards.iterations + 1):
         r = start + g_ydot @ rates + moving @ values
-        r[holonomic] = start[holonomic]
+        r[holonomic] = start[holonomic] + moving[holonomic] @ values
         norms.append(float(np.sqrt(r @ r)))
         if norms[-1] <= cards.tolerance or (len(norms) > 2 and norms[-1] > STALLED * norms[-2]):
             break
         step = np.linalg.solve(J, -r)
-        kept = np.where(momentum, step, 0.0)
+        kept = np.where(keeps, step, 0.0)
         values += c_d * kept + np.where(reaction, step, 0.0)
         rates += kept
     return tuple(norms)

@@ -11,6 +11,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.matrices import read_matrices
+from pilotgen.solver.mbdyn_check import check_mbdyn
 
 Floats = NDArray[np.float64]
 
@@ -186,3 +188,21 @@ def test_history_beside_the_lumped_torsos(solver: SolverClient, tmp_path: Path) 
     for name, expected in (("torso_modal", (2.2e-4, 8.5e-5)), ("torso_modal_25hz", (1.7e-3, 1.63e-3))):
         difference = np.abs((moved[name] - moved[name][0]) - (reference - reference[0])).max(axis=0)
         assert difference / np.ptp(reference, axis=0) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize(("digits", "starts"), [(0, False), (6, False), (12, True), (17, True)])
+def test_preload_that_mbdyn_starts_with(digits: int, starts: bool, solver: SolverClient, tmp_path: Path) -> None:
+    # MBDyn's derivatives phase did not converge without preload and with six digits of it, with twelve it did.
+    with np.load(CASES / "torso_modal.npz") as data:
+        text = str(data["deck"])
+        (tmp_path / str(data["fem_name"])).write_text(str(data["fem"]))
+    card = re.search(r"force: TORSO_PRELOAD[^;]*;", text)
+    assert card is not None
+    if digits == 0:
+        text = text.replace(card[0], "").replace("forces: 1;", "forces: 0;")
+    else:
+        told = re.sub(r"const, ([^,;]+)", lambda found: f"const, {float(found[1]):.{digits}g}", card[0])
+        text = text.replace(card[0], told)
+    deck = tmp_path / "torso.mbd"
+    deck.write_text(text)
+    assert check_mbdyn(deck, solver).runs is starts
