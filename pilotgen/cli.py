@@ -28,6 +28,7 @@ COMMANDS = (
     "decks",
     "search",
     "sample",
+    "population",
     "compare",
     "compare-motion",
     "check-mbdyn",

@@ -46,7 +46,7 @@ class Share:
         digits = 1 if self.of < 20_000 else 2
         return f"{100 * self.share:.{digits}f} % ({100 * low:.{digits}f}-{100 * high:.{digits}f} %)"
 
-    def as_dict(self) -> dict[str, float | int]:
+    def as_dict(self) -> dict[str, float | int | None]:
         """For JSON: count, of, share and the interval's ends."""
         low, high = self.interval
-        return {"count": self.count, "of": self.of, "share": self.share, "low": low, "high": high}
+        return {"count": self.count, "of": self.of, "share": self.share if self.of else None, "low": low, "high": high}

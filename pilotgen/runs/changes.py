@@ -47,7 +47,7 @@ def changes(known_text: str, study: Study, kind: str) -> list[Change] | None:
     study : Study
         The one that is to go on.
     kind : str
-        "search" or "sample".
+        "search", "sample" or "population".
     """
     if known_text == study.text:
         return []
@@ -74,6 +74,8 @@ def table_of_changes(found: list[Change]) -> str:
 def _determining(study: Study, kind: str, searched: set[str]) -> dict[str, Any]:
     """By path, what determines evaluations and the shape of study.h5."""
     flat = _flat(json.loads(study.canonical()))
+    if kind == "population":  # its people have all values of their own
+        return flat | _flat({"population": study.population})
     flat |= {f"nominal.{name}": value for name, value in study.nominal.items() if name not in searched}
     kept = (*SHAPES, *COURSE) if kind == "search" else SHAPES
     for name in kept:

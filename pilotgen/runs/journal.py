@@ -40,9 +40,10 @@ CREATE TABLE evaluation (
 _to_json = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode  # of a result object
 
 
-def evaluation_key(fingerprint: str, inputs: Mapping[str, float]) -> str:
+def evaluation_key(fingerprint: str, inputs: Mapping[str, float | str]) -> str:
     """Hash of everything that determines a result: the fingerprint of study, data, code and solver, and the inputs."""
-    text = json.dumps([fingerprint, sorted((name, float(value).hex()) for name, value in inputs.items())])
+    exact = {name: value if isinstance(value, str) else float(value).hex() for name, value in inputs.items()}
+    text = json.dumps([fingerprint, sorted(exact.items())])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -1,0 +1,133 @@
+"""`pilotgen population`: how many of the people who will fly are at risk.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pilotgen.commands import common
+from pilotgen.files import to_json
+
+if TYPE_CHECKING:
+    from pilotgen.runs.batch import Progress
+
+WRITES = ("population.json", "people.csv", "people.csv.part", "journal.sqlite*")
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "population",
+        "tell how many of the people who will fly are at risk",
+        "Evaluate N people of the study's population and tell which share makes the machine unstable or has margins "
+        "below the study's limits, each with a 95 % interval, and who is nearest to the limits. Leaves population.json "
+        "and people.csv in DIR. Same journal, workers and --resume as a search.",
+        "pilotgen population docs/studies/puma-population.yaml -n 2000 -o results/population",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    parser.add_argument(
+        "-n", "--number", metavar="N", type=common.positive_int, required=True, help="how many people; at most, with "
+        "--until-width",
+    )  # fmt: skip
+    parser.add_argument(
+        "--until-width",
+        metavar="W",
+        type=_width,
+        default=None,
+        help="stop when every 95 %% interval is no wider than W, such as 0.5%% or 0.005",
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
+    )
+    parser.add_argument("--json", action="store_true", help="print population.json instead of sentences")
+    common.add_workers(parser)
+    common.add_solver(parser)
+    parser.set_defaults(run=run)
+
+
+def _width(text: str) -> float:
+    percent = text.strip().endswith("%")
+    value = common.positive_float(text.strip().removesuffix("%")) / (100.0 if percent else 1.0)
+    if value >= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is no width of an interval; less than 100 % (1) is wanted")
+    return value
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, write, print."""
+    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
+
+    pin_threads()
+    stop_on_sigterm()
+    from pilotgen.output import claimed
+    from pilotgen.progress_line import ProgressLine
+    from pilotgen.runs.population_study import population_study
+    from pilotgen.study.study import read_study
+
+    study = read_study(args.study)
+    options = common.run_options(args, study)
+    line = ProgressLine(args.number, quiet=args.quiet)
+
+    def show(progress: Progress, milestone: bool) -> None:
+        monitor(progress, milestone)
+        if line.due(milestone):
+            left = line.time_left(progress.done)
+            text = f"{progress.done}/{progress.total} people, {progress.failed} failed, {progress.unstable} unstable"
+            line.update(text + (f" | {left} left" if left else ""), milestone)
+
+    with (
+        claimed(args.output, "population", WRITES, args.resume, args.overwrite) as directory,
+        common.monitored(args, directory, "population", study.name) as monitor,
+    ):
+        try:
+            done = population_study(
+                study, directory, args.number, args.until_width, args.seed, options, show, monitor.say
+            )
+        finally:
+            line.finish()
+    if args.json:
+        sys.stdout.write(to_json(done.content))
+    else:
+        print_population(done.content)
+        print(f"{done.progress.done} people ({done.progress.served} from the journal)")
+        print(f"results: {args.output / 'population.json'}, people.csv")
+        if args.until_width is not None and done.content["stopped_by"] == "number of people":
+            common.say(f"intervals are still wider than {100 * args.until_width:g} %; a larger -n narrows them")
+    return 0 if done.progress.failed < done.progress.done else 2
+
+
+def print_population(content: Mapping[str, Any]) -> None:
+    """Sentences, quantiles, who is nearest to the limits."""
+    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.population.tally import sentences
+
+    print("\n".join(sentences(content)))
+    if not content["evaluated"]:
+        return
+    print(
+        f"\n{'share of people below':24}"
+        + "".join(f"{100 * float(q):>8g} %" for q in content["quantiles"]["gain_margin_db"])
+    )
+    for key, row in OBJECTIVES.items():
+        cells = ["none" if value is None else f"{value:.{row.digits}f}" for value in content["quantiles"][key].values()]
+        print(f"{row.heading:24}" + "".join(f"{cell:>10}" for cell in cells))
+    for key, near in content["nearest"].items():
+        row, limit = OBJECTIVES[key], content["shares"][key]["limit"]
+        if not near:
+            print(f"\nNobody has a {row.label}: there is no {row.no_crossing}.")
+            continue
+        print(f"\nnearest to a {row.label} of {row.text(limit)}:")
+        for one in near:
+            values = one["values"]
+            bmi = values["mass_kg"] / values["stature_m"] ** 2
+            print(
+                f"  {values['pilot.sex']:6}  {values['age_years']:4.1f} years  {values['stature_m']:.3f} m  "
+                f"{values['mass_kg']:5.1f} kg (BMI {bmi:.1f})  {row.text(one[key])}"
+            )
