@@ -31,8 +31,7 @@ from pilotgen.files import to_json, write_text
 from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilot
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.reflex_delay import delay_reflex, delayed_certificate
-from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.loop import LoopModel, heave_loop
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.loop.rotorcraft_model import rotorcraft_model
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
@@ -487,9 +486,7 @@ def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> t
     inceptor = study.inceptor
     same = study.rotorcraft is context.study.rotorcraft
     helicopter = context.helicopter if same else rotorcraft_model(study.rotorcraft)
-    A, B, C, D = model.state_space()
-    pilot = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
-    loop = LoopModel(pilot, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m, model.partial_fractions())
+    loop = heave_loop(model, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m)
     verdict = margins(loop)
     if verdict.not_told:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
         raise EvaluationError("margins", f"the loop's margins cannot be told: {verdict.not_told}")

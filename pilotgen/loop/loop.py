@@ -13,7 +13,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from pilotgen.errors import PilotgenError
 from pilotgen.linear.partial_fractions import PartialFractions
+from pilotgen.linear.pilot_model import INPUT_NAME, PilotModel
 from pilotgen.linear.statespace import ComplexArray, StateSpaceModel, series
 from pilotgen.loop.rotorcraft_model import RotorcraftModel
 
@@ -76,3 +78,23 @@ class LoopModel:
         """L(j omega), dimensionless, omega in rad/s, any shape: the product of the two parts."""
         w = np.asarray(omega, dtype=float)
         return -self.gearing * self.pilot.response(w) * self.helicopter.response(w)
+
+
+def heave_loop(
+    pilot: PilotModel, helicopter: RotorcraftModel, gearing_rad_per_m: float, lever_length_m: float
+) -> LoopModel:
+    """The loop of a pilot's heave model and a rotorcraft.
+
+    Raises
+    ------
+    PilotgenError
+        The pilot has other inputs than heave, or more: several loops are closed by `mimo.close`.
+    """
+    if pilot.inputs != (INPUT_NAME,):
+        raise PilotgenError(
+            f"a LoopModel closes one loop, {INPUT_NAME} to {pilot.outputs[0]}; this pilot has the inputs "
+            f"{', '.join(pilot.inputs)}: close several loops with pilotgen.loop.mimo.close"
+        )
+    A, B, C, D = pilot.state_space()
+    system = StateSpaceModel(A, B[:, 0], C[0], float(D[0, 0]))
+    return LoopModel(system, helicopter, gearing_rad_per_m, lever_length_m, pilot.partial_fractions())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,13 +101,22 @@ class Rotorcraft:
             raise Mistake("rotorcraft.transfer_function", self.transfer_function, "and state_space exclude each other")
 
 
-def beside(checked: Any, study: str) -> Any:
-    """Checked data of a rotorcraft with the path of its file from here: files lie beside the study that names them."""
+def beside(document: YamlDocument, checked: Any) -> tuple[Any, str]:
+    """Checked data of a study's rotorcraft, and the study's text, with the whole path of its plant file.
+
+    Files lie beside the study that names them; results keep the study's text and are read elsewhere.
+    """
+    text = document.text
     if not isinstance(checked, dict):
-        return checked
-    directory = Path(study).parent if study else Path()
-    files = {key: str(directory / checked[key]) for key in _FILES if checked.get(key)}
-    return {**checked, **files}
+        return checked, text
+    whole = dict(checked)
+    for key in _FILES:
+        given = checked.get(key)
+        if given:
+            whole[key] = os.path.abspath(Path(document.name).parent / given)
+            if text.count(given) == 1:
+                text = text.replace(given, whole[key])
+    return whole, text
 
 
 def bundled_rotorcraft() -> list[str]:
@@ -136,7 +146,8 @@ def rotorcraft_from(checked: str | Mapping[str, Any]) -> Rotorcraft:
     given: Mapping[str, Any] = (
         _checked(Value(bundled("rotorcraft"), (checked,))) if isinstance(checked, str) else checked
     )
-    return Rotorcraft(**{**defaults("rotorcraft"), **given})
+    files = {key: os.path.abspath(given[key]) for key in _FILES if given.get(key)}
+    return Rotorcraft(**{**defaults("rotorcraft"), **given, **files})
 
 
 def _checked(value: Value) -> Any:

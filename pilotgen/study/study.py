@@ -359,7 +359,7 @@ def _study(document: YamlDocument) -> Study:
     problems = Problems()
     tree = read_tree(document, problems)
     problems.tell()
-    tree["rotorcraft"] = beside(tree.get("rotorcraft"), document.name)
+    tree["rotorcraft"], text = beside(document, tree.get("rotorcraft"))
     parts: dict[str, Any] = {}
     for section, make in _MAKERS.items():
         with problems.collect():
@@ -368,7 +368,7 @@ def _study(document: YamlDocument) -> Study:
             except Mistake as mistake:
                 raise _placed(mistake, document) from None
     problems.tell()
-    study = Study(**parts, text=document.text, path=document.name, lines=dict(document.lines))
+    study = Study(**parts, text=text, path=document.name, lines=dict(document.lines))
     try:
         _check_together(study)
         _check_torso(study, tree)

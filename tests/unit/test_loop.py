@@ -5,14 +5,17 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
+from pilotgen.errors import PilotgenError
+from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.linear.statespace import StateSpaceModel, transfer_function
 from pilotgen.loop.heave_model import HeaveModel
-from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.loop import LoopModel, heave_loop
 from pilotgen.study.rotorcraft import load_rotorcraft
 
 OMEGA = 2.0 * math.pi * np.geomspace(0.05, 30.0, 40)
@@ -82,3 +85,17 @@ def test_closed_loop_poles_by_feeding_the_equations_back() -> None:
     np.testing.assert_allclose(
         np.sort_complex(np.round(loop.closed_loop_poles, 7)), np.sort_complex(np.round(expected, 7)), atol=2e-6
     )
+
+
+def test_a_pilot_of_several_inputs_is_refused_by_name() -> None:
+    pilot = mayo_pilot(3.4, 0.3, 0.1, 0.32)
+    loop = heave_loop(pilot, PUMA, 1.1, 0.32)
+    assert loop.pilot.n_states == 4 and loop.pilot_fractions is not None
+    two = dataclasses.replace(
+        pilot,
+        inputs=("seat_heave_acceleration", "seat_roll_acceleration"),
+        B=np.hstack((pilot.B, pilot.B)),
+        D=np.zeros((1, 2)),
+    )
+    with pytest.raises(PilotgenError, match="a LoopModel closes one loop, .*this pilot has the inputs .*seat_roll_acc"):
+        heave_loop(two, PUMA, 1.1, 0.32)

@@ -215,6 +215,16 @@ def test_a_study_through_a_file_is_the_built_in_puma(tmp_path: Path) -> None:
             assert found[key] == pytest.approx(expected[key], rel=1e-9), (name, key)
 
 
+def test_results_find_the_file_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plant_file(tmp_path / "plant.json", HeaveModel(PUMA).state_space)
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.format(what="state_space", file="plant.json"))
+    study = read_study(path)
+    monkeypatch.chdir("/")
+    again = study_from_text(study.text, "/elsewhere/study.yaml")
+    assert again.rotorcraft == study.rotorcraft and again.canonical() == study.canonical()
+
+
 def test_a_changed_file_is_another_study(tmp_path: Path) -> None:
     plant_file(tmp_path / "plant.json", HeaveModel(PUMA).state_space)
     path = tmp_path / "study.yaml"
@@ -262,3 +272,11 @@ def test_numbers_of_the_chain_have_paths() -> None:
     assert study.canonical() != changed.canonical()
     again = study_from_text(changed.with_own_text().text)
     assert again.rotorcraft.sling == changed.rotorcraft.sling
+
+
+def test_the_example_with_a_bending_mode() -> None:
+    """The Puma times 1 + 0.15 s^2/(s^2 + 2 0.02 w s + w^2), as the file's note says."""
+    study = read_study(Path(__file__).parents[2] / "docs" / "studies" / "puma-bending.yaml")
+    s, w = 1j * OMEGA, 2.0 * math.pi * 5.5
+    expected = HeaveModel(PUMA).response(OMEGA) * (1.0 + 0.15 * s**2 / (s**2 + 0.04 * w * s + w**2))
+    assert_allclose(rotorcraft_model(study.rotorcraft).response(OMEGA), expected, rtol=1e-9)
