@@ -135,12 +135,13 @@ class Study:
         """Return the number or word that stands at a path or short name, e.g. `cockpit.collective.grip_m[0]`.
 
         Defaults and the numbers of bundled sets (rotorcraft, cockpit, calibrated reflex gains) are filled in; of mass
-        and body mass index the one that is not given follows from the stature.
+        and body mass index the one that is not given follows from the stature. None for a number of a part that this
+        study does without (`rotorcraft.actuator`, ...).
 
         Raises
         ------
         StudyError
-            The study has no such number or word.
+            There is no such number or word.
         """
         path, index = _located(name, self.pilot.model, name)
         section, *keys = path.split(".")
@@ -153,9 +154,9 @@ class Study:
                 found = dataclasses.asdict(calibrated_gains(self.pilot.torso["model"])[self.pilot.task])
             if found is None and path.startswith("pilot.torso.girdle."):
                 found = dict(bundled("torso").value["girdle"])
-            if found is None and section == "population":  # one of the many keys that only some populations have
+            if found is None:  # a part that this study does not have: an actuator, what only some populations have
                 return None
-            found = found[key]
+            found = found.get(key)
         return found if index is None else found[index]
 
     def with_values(
