@@ -287,31 +287,6 @@ def assemble_spine(
     )
 
 
-def heave_response(M: Floats, C: Floats, K: Floats, heave: Floats, frequencies_hz: Sequence[float]) -> Floats:
-    """Absolute motion of a chain whose seat moves up and down, over the seat's.
-
-    Parameters
-    ----------
-    M, C, K : (n, n) floats
-        Of motion relative to the seat.
-    heave : (n,) floats
-        The seat's motion as relative coordinates would have it: `SpineModel.heave`.
-    frequencies_hz : sequence of floats
-        Where.
-
-    Returns
-    -------
-    (f, n) complex
-        Displacement of every coordinate per seat displacement; with x = heave + relative motion,
-        (-w^2 M + i w C + K) x_relative = w^2 M heave.
-    """
-    out = []
-    for frequency in frequencies_hz:
-        w = 2.0 * math.pi * frequency
-        out.append(heave + np.linalg.solve(K - w**2 * M + 1j * w * C, w**2 * (M @ heave)))
-    return np.array(out)
-
-
 # ---- the table -------------------------------------------------------------------------------------------------------
 
 

@@ -62,12 +62,6 @@ class ReducedSpine:
         """Number of modes."""
         return int(self.W.shape[1])
 
-    def interface_mass(self) -> Floats:
-        """Mass matrix (m, m) of the interface bodies in the modes, which a deck has as bodies on its nodes."""
-        kept = np.concatenate([np.arange(*self.spine.freedoms(name).indices(len(self.W))) for name in self.interfaces])
-        shapes = self.W[kept]
-        return np.asarray(shapes.T @ self.spine.M[np.ix_(kept, kept)] @ shapes)
-
     @property
     def heave(self) -> Floats:
         """Modal displacements (m,) of a rigid motion by 1 m up, as the constraint modes alone have them."""

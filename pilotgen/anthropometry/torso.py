@@ -252,7 +252,9 @@ def _add_girdles(
     k_turn, c_turn = row["rotation_n_m_per_rad"] * size, row["rotation_n_m_s_per_rad"] * size
     for side in carriers:
         name, point = f"girdle_{SUFFIX[side]}", f"glenohumeral_{SUFFIX[side]}"
-        bodies[name] = TorsoBody(name, f"{side} clavicle and scapula; carries shoulder and muscle origins", mass, row["gyration_m"], point)
+        bodies[name] = TorsoBody(
+            name, f"{side} clavicle and scapula; carries shoulder and muscle origins", mass, row["gyration_m"], point
+        )
         springs.append(
             TorsoSpring(
                 name, CARRIER, name, point, False, (k, k, k, k_turn, k_turn, k_turn), (c, c, c, c_turn, c_turn, c_turn)

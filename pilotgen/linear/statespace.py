@@ -167,14 +167,6 @@ def series(first: StateSpaceModel, second: StateSpaceModel) -> StateSpaceModel:
     return StateSpaceModel(A, B, C, second.D * first.D)
 
 
-def parallel(first: StateSpaceModel, second: StateSpaceModel) -> StateSpaceModel:
-    """Sum of both outputs under the same input; states [first, second]."""
-    A = scipy.linalg.block_diag(first.A, second.A)
-    return StateSpaceModel(
-        A, np.concatenate((first.B, second.B)), np.concatenate((first.C, second.C)), first.D + second.D
-    )
-
-
 def transfer_function(numerator: Sequence[float], denominator: Sequence[float]) -> StateSpaceModel:
     """State space (controllable canonical form) of a proper transfer function.
 

@@ -102,18 +102,6 @@ class Margins:
     not_told: str = ""
     largest_real_part: tuple[float, float] | None = None
 
-    @property
-    def disk_gain_margin_db(self) -> float:
-        """Gain change, up or down [dB], that the disk margin guarantees together with any phase in the disk."""
-        if self.disk_margin >= 2.0:
-            return math.inf
-        return 20.0 * math.log10((2.0 + self.disk_margin) / (2.0 - self.disk_margin))
-
-    @property
-    def disk_phase_margin_deg(self) -> float:
-        """Phase change, lead or lag [deg], that the disk margin guarantees."""
-        return math.degrees(2.0 * math.atan(0.5 * self.disk_margin))
-
     def as_dict(self) -> dict[str, Any]:
         """JSON-ready values; None where a margin or frequency is infinite, absent or not told."""
         told: dict[str, Any] = {

@@ -169,21 +169,6 @@ class Workers(Protocol):
         """End all workers."""
 
 
-class SerialWorkers:
-    """No workers at all: everything in this process, in order."""
-
-    def warm_up(self, function: Callable[[Any], Any], task: Any) -> None:
-        """Nobody to warm up."""
-
-    def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-        """Yield (index of the task, result), one after the other."""
-        for index, task in enumerate(tasks):
-            yield index, function(task)
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
 WarmUp = tuple[Callable[[Any], Any], Any]  # a function and a task
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from serial_workers import SerialWorkers
 
 from pilotgen.runs.batch import Batch, TooManyFailures, failures_by_reason
-from pilotgen.runs.executor import ProcessWorkers, SerialWorkers
+from pilotgen.runs.executor import ProcessWorkers
 from pilotgen.runs.journal import Journal
 
 

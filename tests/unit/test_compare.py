@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from linear_models import CASES, assemble, case, random_mechanism
+from matrices_writer import write_matrices
 from test_matrices import complete_matrices
 
 from pilotgen.errors import FileError, MatrixError
 from pilotgen.linear.compare import compare, report, run_compare
-from pilotgen.solver.matrices import Matrices, write_matrices
+from pilotgen.solver.matrices import Matrices
 
 
 def with_change(matrices: Matrices, row: int, column: int, by: float, rate: bool = False) -> Matrices:

@@ -8,8 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
+from serial_workers import SerialWorkers
 
-from pilotgen.runs.executor import MAX_ATTEMPTS, ProcessWorkers, SerialWorkers, WorkerLost
+from pilotgen.runs.executor import MAX_ATTEMPTS, ProcessWorkers, WorkerLost
 
 
 def square(x: int) -> int:

@@ -15,13 +15,13 @@ from typing import Any
 
 import h5py
 import pytest
+from matrices_writer import write_matrices
 from test_matrices import complete_matrices
 
 from pilotgen.errors import FileError
 from pilotgen.linear.compare import run_compare
 from pilotgen.output import _locked
 from pilotgen.runs.journal import Journal
-from pilotgen.solver.matrices import write_matrices
 from pilotgen.solver.scratch import ScratchDirectory
 
 

@@ -238,14 +238,6 @@ def test_ranking_caps_infinite_margins() -> None:
     assert ranked_objectives({"loop": m.as_dict()}, DEFAULT_OBJECTIVES) == [60.0, 180.0]
 
 
-def test_disk_margins_in_other_words() -> None:
-    m = mayo_margins(3.380, 0.32, 0.117)
-    a = m.disk_margin
-    assert m.disk_gain_margin_db == pytest.approx(20.0 * math.log10((2 + a) / (2 - a)))
-    assert math.tan(math.radians(m.disk_phase_margin_deg) / 2.0) == pytest.approx(a / 2.0)
-    assert m.disk_gain_margin_db <= m.gain_margin_db
-
-
 def test_dictionary_is_json_and_has_no_infinity() -> None:
     for m in (mayo_margins(3.380, 0.32, 0.117), mayo_margins(2.5, 0.20, 0.06)):
         back = json.loads(json.dumps(m.as_dict(), allow_nan=False))

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 from linear_models import random_mechanism
+from matrices_writer import write_matrices
 from numpy.testing import assert_allclose, assert_array_equal
 
 from pilotgen.errors import FileError, MatrixError
@@ -28,7 +29,6 @@ from pilotgen.solver.matrices import (
     descriptor,
     given_tables,
     read_matrices,
-    write_matrices,
 )
 
 DATASETS = [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pilotgen.errors import PilotgenError
-from pilotgen.linear.statespace import StateSpaceModel, parallel, series, transfer_function, zeros_poles_gain
+from pilotgen.linear.statespace import StateSpaceModel, series, transfer_function, zeros_poles_gain
 
 OMEGA = np.geomspace(1e-3, 1e3, 41)
 
@@ -69,7 +69,6 @@ def test_interconnections() -> None:
     a, b = first.response(OMEGA), second.response(OMEGA)
     np.testing.assert_allclose(series(first, second).response(OMEGA), a * b, rtol=1e-12)
     np.testing.assert_allclose(series(second, first).response(OMEGA), a * b, rtol=1e-12)
-    np.testing.assert_allclose(parallel(first, second).response(OMEGA), a + b, rtol=1e-12)
     np.testing.assert_allclose(first.feedback().response(OMEGA), a / (1.0 + a), rtol=1e-12)
     np.testing.assert_allclose(first.scaled(-2.0).response(OMEGA), -2.0 * a, rtol=1e-12)
 
