@@ -211,7 +211,7 @@ def certificate(model: PilotModel, frequencies_hz: ArrayLike | None = None, outp
     ----------
     model : PilotModel
         A model made from matrices (it carries them).
-    frequencies_hz : array_like, optional
+    frequencies_hz : array_like, shape (n,), optional
         Where to compare [Hz]; by default as many points from 0.1 to 20 Hz as the pilot has poles, its own frequencies
         among them, but 16 at most. With their conjugates as many as poles are enough that no other strictly proper
         model of so many poles agrees at all of them.

@@ -63,7 +63,7 @@ class Rotorcraft:
         return {key: value for key, value in plain.items() if value == value and value != unset[key]}
 
     def determining(self) -> dict[str, Any]:
-        """What determines its dynamics; of a file its content, not its name."""
+        """What determines its dynamics; of a file its content, not its name. FileError if that cannot be read."""
         plain = {key: value for key, value in self.given().items() if key not in ("name", "source", *_FILES)}
         if self.plant_file is not None:
             try:
