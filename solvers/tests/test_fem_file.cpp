@@ -134,6 +134,8 @@ TEST_CASE("damaged .fem files: the place and what is wrong") {
       {replaced(kRod, "REV0 2 2", "REV0 -2 2"), "expected the number of nodes from 0"},
       {replaced(kRod, "REV0 2 2 0 0 0", "REV0 2 2 0 0 2"), "found 0 modes"},
       {replaced(kRod, "REV0 2 2 0 0 0", "REV0 2 2 0"), "expected the number of constraint modes"},
+      {replaced(kRod, "** revision, nodes, normal, attachment, constraint, rejected modes\n", ""),
+       "found no line of comment"},
       {replaced(kRod, "** mode 1\n", ""), "expected a line of comment (`** ...`) or an empty one before mode 1 of 2"},
       {replaced(kRod, "** mode 1\n", "** mode 1\n** again\n"), "found a line that begins with `**`"},
       {replaced(kRod, "2. 0. 0. 3.", "-2. 0. 0. 3."), "the modal mass of mode 1 is -2"},

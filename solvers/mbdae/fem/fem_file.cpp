@@ -291,7 +291,7 @@ class FemReader {
 
   void read_header() {
     const std::string_view comment = line_text();
-    if (!begins_with(comment, "**")) fail("found no line of comment (`** ...`) after the heading of record group 1");
+    if (begins_with(comment, "REV")) fail("found no line of comment (`** ...`) after the heading of record group 1");
     next_line();
     word("the revision (as in `REV0`)");
     const std::int64_t nodes = count("the number of nodes");
