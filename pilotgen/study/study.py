@@ -238,12 +238,14 @@ class Study:
                 continue
             tree = trees[section]
             for key in keys[:-1]:
-                tree[key] = {} if tree[key] is None else tree[key]
+                tree[key] = {} if tree.get(key) is None else tree[key]
                 tree = tree[key]
             if index:
                 tree[keys[-1]][int(index[:-1])] = data
             else:
                 tree[keys[-1]] = data
+        for place, data in changes.items():
+            _check_whole(place.partition("[")[0], data, trees)
         rotorcraft = trees.get("rotorcraft")
         if isinstance(rotorcraft, dict) and rotorcraft["source"] == bases["rotorcraft"]["source"]:
             others = [key for key, number in bases["rotorcraft"].items() if number != rotorcraft[key]]
@@ -300,6 +302,19 @@ class Study:
             content["pilot"] = pilot
             content["cockpit"] = self.cockpit
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _check_whole(path: str, data: Any, trees: Mapping[str, Any]) -> None:
+    """Refuse a number of a part (`rotorcraft.actuator.damping`) that other numbers are needed for and are not there."""
+    section, *keys = path.split(".")
+    tree, part = trees[section], section
+    for key in keys[:-1]:
+        tree, part = tree[key], f"{part}.{key}"
+    if not keys or not isinstance(tree, Mapping):
+        return
+    missing = [own for key, own in members(part).items() if SCHEMA[own].default is REQUIRED and tree.get(key) is None]
+    if missing:
+        raise Mistake(path, data, f"needs {' and '.join(missing)} as well: this study has no {part}")
 
 
 # ---- reading ---------------------------------------------------------------------------------------------------------

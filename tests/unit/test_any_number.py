@@ -39,6 +39,22 @@ NUMBERS = (  # those of the bundled rotorcraft but for its mass
 )
 
 
+EQUIPMENT = {  # parts that a rotorcraft may have, whole
+    "rotorcraft.actuator.corner_rad_s": 30.0,
+    "rotorcraft.notch.frequency_hz": 3.0,
+    "rotorcraft.notch.zero_damping": 0.1,
+    "rotorcraft.notch.pole_damping": 0.6,
+    "rotorcraft.sling.load_kg": 500.0,
+    "rotorcraft.sling.stiffness_n_per_m": 1e5,
+}
+
+
+def with_part_of(study: Study, name: str) -> Study:
+    """The study, with the equipment that a number belongs to."""
+    part = name.rpartition(".")[0]
+    return study.with_values({own: number for own, number in EQUIPMENT.items() if own.startswith(f"{part}.")})[0]
+
+
 def nearby(study: Study, name: str) -> float:
     """Another value within the limits: a tenth of the way from where it is to the farther limit."""
     declared: Any = field_of(name)
@@ -56,6 +72,7 @@ def nearby(study: Study, name: str) -> float:
     ids=lambda value: value if isinstance(value, str) else value.pilot.model,
 )  # fmt: skip
 def test_every_number_can_be_changed_and_nothing_else_changes(study: Study, name: str) -> None:
+    study = with_part_of(study, name)
     new = nearby(study, name) if name != "rotorcraft.flap_static_moment_kg_m" else 300.0
     other, values = study.with_values({name: new})
     if name in study.nominal:
@@ -253,15 +270,35 @@ def test_a_study_with_another_number_can_be_written_down(path: str) -> None:
     if path in ("nominal.mass_kg", "rotorcraft.flap_static_moment_kg_m") or path.startswith("nominal."):
         return  # of mass and body mass index one; the pilot's own values do not change the study
     for base in (STUDY, STUDY.with_values({"pilot.torso.model": "rigid"})[0]):
+        base = with_part_of(base, path)
         try:
-            other, _ = base.with_values({path: nearby(STUDY, path)})
+            other, _ = base.with_values({path: nearby(base, path)})
         except StudyError as error:
-            assert "means nothing for pilot.torso.model = 'rigid'" in str(error)
+            text = str(error)
+            assert "means nothing for pilot.torso.model = 'rigid'" in text or "lacks the key people" in text
             continue
         written = other.with_own_text()
         assert dataclasses.replace(study_from_text(written.text), text=other.text, path=other.path) == other, (
             written.text
         )
+
+
+def test_a_part_that_a_study_lacks_is_given_whole_or_not_at_all() -> None:
+    notch = {name: EQUIPMENT[name] for name in ("rotorcraft.notch.frequency_hz", "rotorcraft.notch.zero_damping")}
+    with pytest.raises(
+        StudyError, match="needs rotorcraft.notch.pole_damping as well: this study has no rotorcraft.notch"
+    ):
+        STUDY.with_values(notch)
+    whole, _ = STUDY.with_values({**notch, "rotorcraft.notch.pole_damping": 0.6})
+    assert [whole.value(name) for name in notch] == [3.0, 0.1] and STUDY.value("rotorcraft.notch.zero_damping") is None
+    # an actuator's damping is optional, its corner is not
+    assert STUDY.with_values({"rotorcraft.actuator.corner_rad_s": 30.0})[0].value("rotorcraft.actuator.damping") is None
+    with pytest.raises(
+        StudyError, match=r"rotorcraft\.actuator\.damping = 0\.7 needs rotorcraft\.actuator\.corner_rad_s"
+    ):
+        STUDY.with_values({"rotorcraft.actuator.damping": 0.7})
+    with pytest.raises(StudyError, match="population .* lacks the key people"):
+        STUDY.with_values({"population.own.mean.mass_kg": 70.0})
 
 
 def test_the_python_door_takes_any_number(tmp_path: Path) -> None:
