@@ -15,6 +15,7 @@
 
 #include "mbdae/dae/dense_linear_solver.h"
 #include "mbdae/dae/ida_equations.h"
+#include "mbdae/dae/ida_scalars.h"
 #include "mbdae/dae/linear_algebra.h"
 #include "mbdae/dae/recorder.h"
 
@@ -49,9 +50,7 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
       throw ModelError("joint " + joint_title(*entry.data) + " " + why);
     }
   }
-  if (model.scalar_count() > 0) {
-    throw ModelError("the deck has abstract nodes, genels or elements with states: integrate it with `ms`");
-  }
+  if (model.scalar_count() > 0) return integrate_ida_with_scalars(model, state, accelerations, settings, options);
   IdaIntegrator equations(model, state);
   const int n = equations.size();
   const ContextPtr context = make_context();

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/multistep.h"
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <sstream>
 
 #include "mbdae/dae/linear_algebra.h"
@@ -16,6 +18,11 @@ constexpr MultistepCoefficients kCrankNicolson{1.0, 0.0, 0.5, 0.5, 0.0};
 
 // Newton has converged in all but name when the residual no longer falls below this part of the largest force.
 constexpr double kRoundOff = 1e-13;
+
+// Factors are kept from step to step as long as a correction brings the residual down to this part; with kept factors
+// the iteration goes on to this part of the tolerance, where Newton's method would have arrived by itself.
+constexpr double kWorthKeeping = 0.05, kKeptAccuracy = 1e-4, kKeptRoundOff = 1e-3;
+constexpr double kSameStep = 1e-9;  // relative difference of step lengths that is round-off of the times
 
 // Changes between stuck and sliding that one time step may hold; what more is asked for comes in the next one.
 constexpr int kMostSwitches = 8;
@@ -75,17 +82,24 @@ class Stepper {
     const double c = h * formula.b0;
     double norm = 0.0;
     int switches = 0;
+    bool renew = !lu_ || std::abs(lu_c_ - c) > kSameStep * c;
+    bool kept = false;  // the last correction came from kept factors
     for (int iteration = 0; iteration <= settings_.max_iterations; ++iteration) {
       apply(last.state, known + c * rate, rate, next.state);
-      model_.assemble(next.state, eq_, true);
+      model_.assemble(next.state, eq_, renew);
       const int first = model_.reaction_start(), count = model_.reaction_count();
       const double previous = norm;
       norm = std::sqrt(eq_.g.head(first).squaredNorm() + eq_.g.tail(count).squaredNorm() / (c * c));
       const double load = next.state.y.size() > 0 ? next.state.y.cwiseAbs().maxCoeff() : 0.0;
-      const bool exhausted = iteration > 0 && norm >= previous && norm <= kRoundOff * (1.0 + load) / c;
-      if (norm <= settings_.tolerance || exhausted) {
+      const double round_off = kRoundOff * (1.0 + load) / c;
+      const bool exhausted = iteration > 0 && norm >= previous && norm <= round_off;
+      const double wanted =
+          kept ? std::max(kKeptAccuracy * settings_.tolerance, kKeptRoundOff * round_off) : settings_.tolerance;
+      const bool converged = norm <= std::min(wanted, settings_.tolerance);
+      if (converged || exhausted) {
         if (model_.switch_modes(next.state) && ++switches <= kMostSwitches) {
           iteration = -1;
+          renew = true;
           continue;
         }
         next.rate = rate;
@@ -96,16 +110,18 @@ class Stepper {
       }
       if (!std::isfinite(norm)) break;
 
-      to_chart(known + c * rate, rate);
-      Eigen::MatrixXd J = eq_.g_ydot + c * eq_.g_y;
-      J.rightCols(count) = eq_.g_y.rightCols(count);
-      for (int k = model_.scalar_start(); k < first; ++k) {
-        if (model_.algebraic(k)) J.col(k) = eq_.g_y.col(k);
-      }
       Eigen::VectorXd g = eq_.g;
-      J.bottomRows(count) /= c;
       g.tail(count) /= c;
-      const Eigen::VectorXd delta = robust_solve(J, g);
+      Eigen::VectorXd delta;
+      if (!renew && (!kept || norm < kWorthKeeping * previous)) {
+        delta = lu_->solve(g);
+        kept = true;
+      } else {
+        if (!renew) model_.assemble(next.state, eq_, true);
+        delta = newton_step(known + c * rate, rate, c, g);
+        renew = !lu_;
+        kept = false;
+      }
       for (int k = 0; k < first; ++k) (model_.algebraic(k) ? next.state.y : rate)(k) -= delta(k);
       next.state.y.tail(count) -= delta.tail(count);
     }
@@ -120,6 +136,28 @@ class Stepper {
   }
 
  private:
+  // Newton's correction with new factors, which are kept unless the matrix is singular.
+  Eigen::VectorXd newton_step(const Eigen::VectorXd& y, const Eigen::VectorXd& rate, double c,
+                              const Eigen::VectorXd& g) {
+    to_chart(y, rate);
+    const int first = model_.reaction_start(), count = model_.reaction_count();
+    Eigen::MatrixXd J = eq_.g_ydot + c * eq_.g_y;
+    J.rightCols(count) = eq_.g_y.rightCols(count);
+    for (int k = model_.scalar_start(); k < first; ++k) {
+      if (model_.algebraic(k)) J.col(k) = eq_.g_y.col(k);
+    }
+    J.bottomRows(count) /= c;
+    lu_.emplace(J);
+    lu_c_ = c;
+    if (is_singular(*lu_)) {
+      lu_.reset();
+      return robust_solve(J, g);
+    }
+    Eigen::VectorXd delta = lu_->solve(g);
+    delta += lu_->solve(g - J * delta);
+    return delta;
+  }
+
   // Unknowns about the reference pose to motions of the nodes, momenta, states and their rates.
   void apply(const State& reference, const Eigen::VectorXd& y, const Eigen::VectorXd& rate, State& out) const {
     for (std::size_t i = 0; i < out.nodes.size(); ++i) {
@@ -157,6 +195,8 @@ class Stepper {
   Model& model_;
   const InitialValueData& settings_;
   Equations eq_;
+  std::optional<Eigen::PartialPivLU<Eigen::MatrixXd>> lu_;  // of the last matrix that was factorised
+  double lu_c_ = 0.0;                                       // h b0 that it was made with
 };
 
 }  // namespace

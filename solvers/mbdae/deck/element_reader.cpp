@@ -151,6 +151,7 @@ void read_element(Context& context, CardKind card) {
       }
     }
   }
+  if (card == CardKind::genel && input.more()) skip_output(input);
   input.end_card();
   known.list->push_back(std::move(element));
   known.registry->define(label, known.list->size() - 1);

@@ -123,6 +123,11 @@ bool Friction::switch_mode(const State& state) {
   return true;
 }
 
+void Friction::end_mode(const State& state) {
+  if (stuck_) direction_ = sign(state.y(scalar_));
+  stuck_ = !stuck_;
+}
+
 double Friction::mode_margin(const State& state) const {
   if (!data_.coulomb) return 1.0;
   const Point at = point(state);

@@ -19,7 +19,7 @@
 // Stuck turns to sliding when |f| would exceed mu(0), sliding to stuck when v changes sign; a model starts stuck.
 // Without preload the stuck model is singular where the hinge carries no load. Source: Dupont et al. (2002) as MBDyn
 // has it, whose slope of mu has the wrong sign for v < 0 (docs/conventions.md); ours is exact, the turning of e3
-// included. Tests "friction: tangents" and "friction: histories" (test_model_scalar.cpp, test_dae_friction.cpp).
+// included. Tests "friction: tangents" (test_model_scalar.cpp), histories in tests/consistency/test_mbdyn_loop.py.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -55,6 +55,11 @@ class Friction {
 
   /// Takes the mode that the state asks for; true if it was another one.
   bool switch_mode(const State& state);
+
+  bool has_modes() const { return data_.coulomb; }
+
+  /// Ends the mode: stuck turns to sliding in the direction that the load asks for, sliding to stuck.
+  void end_mode(const State& state);
 
   /// How far the state is from leaving its mode: changes sign there. Zero is never crossed by modlugre.
   double mode_margin(const State& state) const;

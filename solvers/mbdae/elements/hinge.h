@@ -100,6 +100,8 @@ class Hinge final : public Constraint {
   void accept(const State& state) override;
   SignalValue signal(int k, const State& state) const override;
   bool switch_mode(const State& state) override { return friction_ && friction_->switch_mode(state); }
+  bool has_modes() const override { return friction_ && friction_->has_modes(); }
+  void end_mode(const State& state) override { friction_->end_mode(state); }
   double mode_margin(const State& state) const override { return friction_ ? friction_->mode_margin(state) : 1.0; }
   std::string defect_under_load(const State& state) const override;
 

@@ -157,6 +157,11 @@ class Element {
   /// For elements with modes (stuck, sliding): takes the mode that the state asks for; true if it was another one.
   virtual bool switch_mode(const State& /*state*/) { return false; }
 
+  virtual bool has_modes() const { return false; }
+
+  /// Ends the mode: stuck turns to sliding, sliding to stuck.
+  virtual void end_mode(const State& /*state*/) {}
+
   /// A number that changes its sign where the mode ends.
   virtual double mode_margin(const State& /*state*/) const { return 1.0; }
 

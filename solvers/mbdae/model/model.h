@@ -106,6 +106,9 @@ class Model {
   /// Elements with modes (stuck, sliding) take those that the state asks for; true if one of them was another.
   bool switch_modes(const State& state);
 
+  /// Those elements.
+  std::vector<Element*> with_modes() const;
+
   /// All elements: constraints, then loads.
   template <class Visit>
   void for_elements(const Visit& visit) const {

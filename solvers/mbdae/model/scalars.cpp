@@ -112,4 +112,12 @@ void Model::refresh_signals(const State& state) const {
   }
 }
 
+std::vector<Element*> Model::with_modes() const {
+  std::vector<Element*> out;
+  for (const ConstraintEntry& entry : constraints_) {
+    if (entry.constraint->has_modes()) out.push_back(entry.constraint.get());
+  }
+  return out;
+}
+
 }  // namespace mbdae
