@@ -201,7 +201,7 @@ def test_histories(name: str, solver: SolverClient, tmp_path: Path) -> None:
             assert np.abs(history[f"{k}.gz"][rows] - data[f"ode_{k}"][0]).max() < limit
 
 
-# Integration by IDA -> largest difference from the independent solution stored with the case (`ref`: height, coning angle,
+# Integration by IDA -> largest difference from the independent solution stored with the case (`ref`: height, coning,
 # lever and their rates; g13: an integration with events), relative to the largest value of each; `ms` and MBDyn at
 # h = 1 ms are off by up to 1.4e-4 (g04, g05), 9e-4 (g15b).
 BY_IDA = {
