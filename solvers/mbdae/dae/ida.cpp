@@ -50,7 +50,14 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
       throw ModelError("joint " + joint_title(*entry.data) + " " + why);
     }
   }
-  if (model.scalar_count() > 0) return integrate_ida_with_scalars(model, state, accelerations, settings, options);
+  if (model.scalar_count() > 0) {
+    bool modal = !model.flexible().empty();
+    for (const NodeSlot& slot : model.slots()) modal |= slot.modal;
+    if (modal) {
+      throw ModelError("IDA has no equations for modal joints beside abstract nodes or friction: integrate with `ms`");
+    }
+    return integrate_ida_with_scalars(model, state, accelerations, settings, options);
+  }
   IdaIntegrator equations(model, state);
   const int n = equations.size();
   const ContextPtr context = make_context();
