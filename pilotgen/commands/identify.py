@@ -17,11 +17,11 @@ def add_parser(commands: Any) -> None:
     parser = common.add_command(
         commands,
         "identify",
-        "confirm the feedthrough by shaking the seat",
-        "Shake the seat of one pilot in a time integration of his deck, by sines and by band-limited random motion, "
+        "confirm the feedthrough by moving the seat in time",
+        "Move the seat of one pilot in a time integration of his deck, by sines and by band-limited random motion, "
         "and compare the feedthrough found with the direct result. Leaves decks, motion files, results.json, "
         "results.h5 and identification.png in DIR and prints a table with the time that each method took.",
-        "pilotgen identify docs/studies/puma-bmi.yaml -o results/shaken --amplitude 0.05 1 3 --activation-check",
+        "pilotgen identify docs/studies/puma-bmi.yaml -o results/identified --amplitude 0.05 1 3 --activation-check",
     )
     common.add_study(parser)
     common.add_output(parser)
@@ -85,7 +85,7 @@ def _frequencies(text: str) -> list[float]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Shake, compare, write."""
+    """Simulate, compare, write."""
     from pilotgen.errors import StudyError
     from pilotgen.runs.executor import pin_threads
 

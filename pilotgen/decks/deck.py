@@ -185,7 +185,7 @@ def render_direct(
     final_time_s: float = TIME_STEP_S,
     time_step_s: float = TIME_STEP_S,
 ) -> str:
-    """The deck of the pilot at the controls: in equilibrium, ready to be linearised or shaken.
+    """The deck of the pilot at the controls: in equilibrium, ready to be linearised or simulated.
 
     `muscle_lengths`, shape (muscles,) [m], is of all muscles in deck order.
 

@@ -5,6 +5,9 @@ intervals that hold no crossing, or nothing nearer to -1 than what is known, fal
 rest is polished by a safeguarded Newton iteration on the exact response. What double precision cannot settle is marked
 as doubtful, for `verified`. The method and its reasons: docs/theory/margins.md.
 
+Second of three, after `locus`. Read `locus_features`, `_Search.run`, then what `run` calls, in that order.
+
+
 SPDX-License-Identifier: BSD-3-Clause
 """
 

@@ -2,7 +2,8 @@
 
 The spacing is a fixed fraction of the distance to the nearest pole, from omega = 0 to infinity, the last stretch in
 t = 1/omega; each interval carries a cubic Hermite interpolant of L and what is known of its error. The method and its
-reasons: docs/theory/margins.md.
+reasons: docs/theory/margins.md. First of three: this module knows the curve and decides nothing, `crossings` decides,
+`verified` settles by exact arithmetic what that leaves in doubt.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

@@ -3,7 +3,8 @@
 The loop's matrices are taken as exact numbers, L(j omega) as a ratio of polynomials with integer coefficients in
 x = omega^2. Stability is Routh's scheme; crossings are the positive roots of Im(N conj(D)) and abs(N)^2 - abs(D)^2, the
 nearest points the best of all roots of a derivative. Descartes' rule counts them: none is missed, none invented.
-The method and its reasons: docs/theory/margins.md.
+The method and its reasons: docs/theory/margins.md. Third of three, after `locus` and `crossings`; it shares the form of
+the answer with them, and no arithmetic.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

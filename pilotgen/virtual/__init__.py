@@ -1,4 +1,4 @@
-"""The pilot's deck shaken in time, identification, calibration of the reflex gains.
+"""The pilot's deck simulated in time, identification, calibration of the reflex gains.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

@@ -161,7 +161,7 @@ def identify(
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Identification:
-    """Put one pilot on the shaker.
+    """Identify one pilot's feedthrough by every method.
 
     Parameters
     ----------

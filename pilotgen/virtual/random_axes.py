@@ -1,6 +1,6 @@
 """Random test of several seat motions at once: the feedthrough matrix by a multiple-input H1 estimate.
 
-All motions are shaken together, each by its own sum of sines of the same frequencies and independent random phases.
+All motions are imposed together, each by its own sum of sines of the same frequencies and independent random phases.
 With more realisations than motions the spectral matrix of the inputs can be inverted at every line.
 
 SPDX-License-Identifier: BSD-3-Clause
@@ -55,12 +55,12 @@ def random_matrix_test(
     seed: int = 1,
     name: str = "random_axes",
 ) -> MatrixEstimate:
-    """Shake the seat in several directions at once and estimate the matrix of responses.
+    """Move the seat in several directions at once and estimate the matrix of responses.
 
     Parameters
     ----------
     test : VirtualTest
-        The pilot on the shaker.
+        The pilot whose seat is moved.
     motions : sequence of str
         Names of `SEAT_MOTIONS`; rotations about the seat's node.
     outputs : sequence of str

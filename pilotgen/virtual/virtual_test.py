@@ -164,7 +164,7 @@ def multisine_drive(frequencies_hz: Floats, amplitudes_m_s2: Floats, phases_rad:
 
 
 class VirtualTest:
-    """One pilot on the shaker.
+    """One pilot whose seat is moved in time.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def harmonic_test(
     longest_s: float = 64.0,
     name: str = "harmonic",
 ) -> HarmonicPoint:
-    """Shake the seat at one frequency until successive periods agree, and fit the fundamental.
+    """Move the seat at one frequency until successive periods agree, and fit the fundamental.
 
     The first attempt takes a few periods; while the fundamentals of the last periods differ by more than `SETTLED`,
     the test is repeated twice as long, up to `longest_s` [s] of simulated motion.
@@ -371,7 +371,7 @@ def random_test(
     name: str = "random",
     progress: Callable[[int, int], None] | None = None,
 ) -> RandomEstimate:
-    """Shake the seat by random motions of 1 to 10 Hz and estimate the response by H1.
+    """Move the seat by random motions of 1 to 10 Hz and estimate the response by H1.
 
     EvaluationError if the motion is too short to estimate from.
 
