@@ -12,7 +12,7 @@
 // MBDyn's Jacobians. Spherical: no axis; revolute: e3 of frame 1 against e2 and e1 of frame 2; cardano: e3 of frame 1
 // against e2 of frame 2. An axis condition holds for a = -a too: a joint assembled upside down stays there. Tangent:
 // docs/theory/elements.md; tests "spherical joints", "revolute joints", "cardano joints" (test_model_tangent.cpp),
-// signs in test_model_signs.cpp.
+// "prismatic joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
