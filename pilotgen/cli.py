@@ -29,6 +29,7 @@ COMMANDS = (
     "search",
     "sample",
     "population",
+    "sensitivity",
     "compare",
     "compare-motion",
     "check-mbdyn",

@@ -47,7 +47,7 @@ def changes(known_text: str, study: Study, kind: str) -> list[Change] | None:
     study : Study
         The one that is to go on.
     kind : str
-        "search", "sample" or "population".
+        "search", "sample", "population" or "sensitivity".
     """
     if known_text == study.text:
         return []
@@ -76,6 +76,8 @@ def _determining(study: Study, kind: str, searched: set[str]) -> dict[str, Any]:
     flat = _flat(json.loads(study.canonical()))
     if kind == "population":  # its people have all values of their own
         return flat | _flat({"population": study.population})
+    if kind == "sensitivity":
+        return flat | _flat({"sensitivity": study.sensitivity, "nominal": study.nominal})
     flat |= {f"nominal.{name}": value for name, value in study.nominal.items() if name not in searched}
     kept = (*SHAPES, *COURSE) if kind == "search" else SHAPES
     for name in kept:

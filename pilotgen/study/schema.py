@@ -472,6 +472,12 @@ SCHEMA: Mapping[str, Field] = {
     ),
     # ---- people
     **population_rows(MULTIBODY, _height_hint),
+    # ---- sensitivity
+    "sensitivity": Section(default=None, null=True, meaning="which numbers `pilotgen sensitivity` varies"),
+    "sensitivity.variables": ByName(entry=bounds, default=None, meaning="bounds; those of the search if left out"),
+    "sensitivity.objectives": Words(
+        tuple(OBJECTIVES), default=("modulus_margin", "gain_margin_db"), meaning="whose variance is shared out"
+    ),
     # ---- limits: what reports and --fail-below hold margins against
     "limits": Section(default=None, null=True, meaning="margins that a robust loop keeps"),
     **{
@@ -497,7 +503,13 @@ PILOT_VALUES: Mapping[str, tuple[str, ...]] = {  # the pilot's own values, known
 }  # fmt: skip
 OTHER_MASS: Mapping[str, str] = {"mass_kg": "bmi", "bmi": "mass_kg"}  # of these two exactly one
 
-SECTIONS_OF_A_RUN = ("study", "search", "limits", "population")  # keys that say what to do, not what is evaluated
+SECTIONS_OF_A_RUN = (
+    "study",
+    "search",
+    "limits",
+    "population",
+    "sensitivity",
+)  # keys that say what to do, not what is evaluated
 
 
 @cache

@@ -112,6 +112,7 @@ class Study:
     search: SearchSettings
     limits: dict[str, float | None]  # objective -> what a robust loop keeps; None: no limit
     population: dict[str, Any]  # who flies (pilotgen/study/population_section.py); its `people` is None: nobody said
+    sensitivity: dict[str, Any]  # `variables` (None: those of the search), `objectives`
     text: str = field(repr=False)  # the file's text
     path: str = ""  # what messages call the file
     lines: dict[KeyPath, int] = field(default_factory=dict, repr=False, compare=False)
@@ -480,6 +481,7 @@ _MAKERS: Mapping[str, Callable[[Any], Any]] = {
     "nominal": _nominal,
     "search": _search,
     "population": population_from,
+    "sensitivity": lambda data: {**defaults("sensitivity"), **(data or {})},
     "limits": lambda data: {**defaults("limits"), **(data or {})},
 }
 _ATTRIBUTE = {"study": "name"}  # where the attribute of `Study` is not called as the key
@@ -492,15 +494,19 @@ def _check_together(study: Study) -> None:
     delay_s = study.pilot.reflex_delay_s
     if delay_s > 0.0 and study.pilot.projection == "literal":
         raise Mistake("pilot.reflex_delay_s", delay_s, "needs pilot.projection = 'exact'; eq. (31) knows no delay")
-    for name, bounds in study.search.variables.items():
-        if name in OTHER_MASS and name not in study.nominal:
-            other = OTHER_MASS[name]
-            raise Mistake(
-                f"search.variables.{name}",
-                list(bounds),
-                f"does not go with nominal.{other}; use mass_kg in both or bmi in both",
-            )
-        _check_for_rigid(study, name, list(bounds), f"search.variables.{name}")
+    for section, variables in (
+        ("search", study.search.variables),
+        ("sensitivity", study.sensitivity["variables"] or {}),
+    ):
+        for name, bounds in variables.items():
+            if name in OTHER_MASS and name not in study.nominal:
+                other = OTHER_MASS[name]
+                raise Mistake(
+                    f"{section}.variables.{name}",
+                    list(bounds),
+                    f"does not go with nominal.{other}; use mass_kg in both or bmi in both",
+                )
+            _check_for_rigid(study, name, list(bounds), f"{section}.variables.{name}")
 
 
 _ONLY_WITH_SPRINGS = ("cockpit.seat.cushion", "cockpit.seat.back", "pilot.torso")

@@ -1,0 +1,129 @@
+"""`pilotgen sensitivity`: which numbers decide the margins, and which way.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pilotgen.commands import common
+from pilotgen.files import to_json
+
+if TYPE_CHECKING:
+    from pilotgen.runs.batch import Progress
+
+WRITES = ("sensitivity.json", "journal.sqlite*")
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "sensitivity",
+        "tell which numbers decide the margins, and which way",
+        "First-order and total Sobol indices of the study's objectives over its numbers, with bootstrap intervals, or "
+        "Morris screening; slopes at the nominal pilot beside them. N base points of k numbers are N (k + 2) pilots. "
+        "Leaves sensitivity.json in DIR. Same journal, workers and --resume as a search.",
+        "pilotgen sensitivity docs/studies/puma-sensitivity.yaml -n 256 -o results/sensitivity",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    parser.add_argument(
+        "-n",
+        "--number",
+        metavar="N",
+        type=common.positive_int,
+        required=True,
+        help="base points, a power of two; trajectories of Morris",
+    )
+    parser.add_argument(
+        "--method", choices=("sobol", "morris"), default="sobol", help="how numbers are varied (default: sobol)"
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
+    )
+    parser.add_argument("--json", action="store_true", help="print sensitivity.json instead of tables")
+    common.add_workers(parser)
+    common.add_solver(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, write, print."""
+    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
+
+    pin_threads()
+    stop_on_sigterm()
+    from pilotgen.output import claimed
+    from pilotgen.progress_line import ProgressLine
+    from pilotgen.runs.sensitivity_study import sensitivity_study
+    from pilotgen.study.study import read_study
+
+    study = read_study(args.study)
+    options = common.run_options(args, study)
+    line = ProgressLine(0, quiet=args.quiet)
+
+    def show(progress: Progress, milestone: bool) -> None:
+        monitor(progress, milestone)
+        if line.due(milestone):
+            left = line.time_left(progress.done, progress.total)
+            text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
+            line.update(text + (f" | {left} left" if left else ""), milestone)
+
+    with (
+        claimed(args.output, "sensitivity", WRITES, args.resume, args.overwrite) as directory,
+        common.monitored(args, directory, "sensitivity", study.name) as monitor,
+    ):
+        try:
+            done = sensitivity_study(study, directory, args.number, args.method, args.seed, options, show, monitor.say)
+        finally:
+            line.finish()
+    if args.json:
+        sys.stdout.write(to_json(done.content))
+    else:
+        print_sensitivity(done.content)
+        print(f"\nresults: {args.output / 'sensitivity.json'}")
+    return 0 if done.progress.failed < done.progress.done else 2
+
+
+def print_sensitivity(content: Mapping[str, Any]) -> None:
+    """What decides, as a sentence and a table for each objective."""
+    from pilotgen.objectives import OBJECTIVES
+
+    points, failed = content["points"], content["failed"]
+    print(f"{failed} of {points} pilots failed ({100 * failed / points:.1f} %)")
+    for key, one in content["objectives"].items():
+        row, found = OBJECTIVES[key], one["indices"]
+        print()
+        if found is None:
+            print(
+                f"{row.label}: infinite for {one['infinite']} of {points} pilots, so that it has no indices; "
+                "modulus_margin always has"
+            )
+            found = {"numbers": {name: {} for name in content["numbers"]}, "blocks_left_out": 0}
+        elif any(value is None for numbers in found["numbers"].values() for value in numbers.values()):
+            print(f"{row.label}: does not vary, or too few pilots could be evaluated; it has no indices")
+        if found["blocks_left_out"]:
+            blocks = found["blocks_left_out"] + found["blocks"]
+            print(f"{found['blocks_left_out']} of {blocks} blocks of points are left out, for a pilot of theirs failed")
+        size = "total" if content["method"] == "sobol" else "mean_magnitude"
+        order = sorted(found["numbers"], key=lambda name: -(found["numbers"][name].get(size) or 0.0))
+        width = max(map(len, order))
+        second = "first" if content["method"] == "sobol" else "deviation"
+        print(f"{row.heading:{width}}  {size.replace('_', ' '):>18}  {second:>18}  slope at the nominal pilot")
+        for name in order:
+            numbers, slope = found["numbers"][name], one["slopes"][name]
+            unit = content["numbers"][name]["unit"] or "1"
+            told = "-" if slope is None else f"{slope:+.3g} {row.unit} per {unit}".replace("  ", " ")
+            print(f"{name:{width}}  {_cell(numbers, size):>18}  {_cell(numbers, second):>18}  {told}")
+
+
+def _cell(numbers: Mapping[str, float | None], key: str) -> str:
+    value, half = numbers.get(key), numbers.get(f"{key}_half_width")
+    if value is None:
+        return "-"
+    return f"{value:.3f}" + (f" +- {half:.3f}" if half is not None else "")
