@@ -119,7 +119,10 @@ def morris_effects(
 
 
 def convergence(bounds: Mapping[str, tuple[float, float]], values: np.ndarray, seed: int) -> list[dict[str, Any]]:
-    """Total indices of a quarter, half and all of the base points: whether more of them would change anything."""
+    """Total indices of a quarter, half and all of the base points: whether more of them would change anything.
+
+    `values` has shape (base * (k + 2),), as `sobol_indices` takes them.
+    """
     width = len(bounds) + 2
     base = len(values) // width
     steps = []
