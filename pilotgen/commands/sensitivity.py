@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
@@ -120,6 +120,19 @@ def print_sensitivity(content: Mapping[str, Any]) -> None:
             unit = content["numbers"][name]["unit"] or "1"
             told = "-" if slope is None else f"{slope:+.3g} {row.unit} per {unit}".replace("  ", " ")
             print(f"{name:{width}}  {_cell(numbers, size):>18}  {_cell(numbers, second):>18}  {told}")
+        moved = _moved(one.get("convergence", []))
+        if moved is not None:
+            print(f"total indices moved by at most {moved:.3f} from half the base points to all of them")
+
+
+def _moved(convergence: Sequence[Mapping[str, Any]]) -> float | None:
+    """Largest change of a total index in the last step of convergence; None where there is none."""
+    if len(convergence) < 2:
+        return None
+    before, now = (step["total"] for step in convergence[-2:])
+    if None in before.values() or None in now.values():
+        return None
+    return float(max(abs(now[name] - before[name]) for name in now))
 
 
 def _cell(numbers: Mapping[str, float | None], key: str) -> str:

@@ -28,7 +28,7 @@ STUDY = MAYO + (
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Run:
     def call(*arguments: object) -> tuple[int, str, str]:
-        code = main(["sensitivity", *(str(argument) for argument in arguments), "--quiet", "--workers", "1"])
+        code = main(["sensitivity", "--quiet", "--workers", "1", *(str(argument) for argument in arguments)])
         captured = capsys.readouterr()
         return code, captured.out, captured.err
 
@@ -118,6 +118,9 @@ def test_the_command(run: Run, tmp_path: Path) -> None:
     assert [step["base"] for step in modulus["convergence"]] == [8, 16, 32]
     code, out, _ = run(tmp_path / "s.yaml", "-n", 32, "-o", tmp_path / "a", "--resume")
     assert code == 0 and out.startswith("0 of 160 pilots failed (0.0 %)")
+    assert out.count("total indices moved by at most") == 2
+    run(tmp_path / "s.yaml", "-n", 32, "-o", tmp_path / "two", "--workers", 2)
+    assert (tmp_path / "two" / "sensitivity.json").read_bytes() == (tmp_path / "a" / "sensitivity.json").read_bytes()
     code, out, _ = run(tmp_path / "s.yaml", "-n", 4, "-o", tmp_path / "m", "--method", "morris", "--json")
     assert code == 0 and json.loads(out)["objectives"]["modulus_margin"]["indices"]["blocks"] == 4
     code, out, err = run(tmp_path / "s.yaml", "-n", 20, "-o", tmp_path / "c")
