@@ -7,7 +7,6 @@ as doubtful, for `verified`. The method and its reasons: docs/theory/margins.md.
 
 Second of three, after `locus`. Read `locus_features`, `_Search.run`, then what `run` calls, in that order.
 
-
 SPDX-License-Identifier: BSD-3-Clause
 """
 
