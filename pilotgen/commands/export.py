@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.format == "csv":
         write_text(args.output, export.as_table(system))
     else:
-        write_text(args.output, json.dumps(export.as_object(system), indent=1, allow_nan=False) + "\n")
+        write_text(args.output, json.dumps(export.state_space_object(system), indent=1, allow_nan=False) + "\n")
     return 0
 
 

@@ -58,9 +58,9 @@ def run(args: argparse.Namespace) -> int:
             print(report(found), flush=True)
         if not args.no_figures:
             from pilotgen.figures import style
-            from pilotgen.figures.seat_vibration import seat_vibration as draw
+            from pilotgen.figures.seat_vibration import draw_seat_vibration
 
-            style.save(draw(found), directory / "seat_vibration.png")
+            style.save(draw_seat_vibration(found), directory / "seat_vibration.png")
         if not args.json:
             print(f"seat_vibration.json{'' if args.no_figures else ', figure'} and decks are in {directory}")
     return 0

@@ -15,7 +15,7 @@ from pilotgen.figures.style import BLACK, LINE_COLORS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pilotgen.virtual.identify import Identification, Run
+    from pilotgen.virtual.identify import Identification, TestRun
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 GRID_POINTS = 400
@@ -70,7 +70,7 @@ def identification(found: Identification) -> Figure:
     return figure
 
 
-def _look(run: Run, amplitude: int) -> dict[str, Any]:
+def _look(run: TestRun, amplitude: int) -> dict[str, Any]:
     """A colour for every amplitude; marks for sines, dots for random motion; hollow and dashed where clipped."""
     color = LINE_COLORS[amplitude % len(LINE_COLORS)]
     if run.coherence is not None:

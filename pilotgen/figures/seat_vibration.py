@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def seat_vibration(found: SeatVibration) -> Figure:
+def draw_seat_vibration(found: SeatVibration) -> Figure:
     """Apparent mass, seat to shoulder, seat to head, and fore-aft and pitch motion; bands shaded, models thin."""
     figure = style.new_figure(7.0)
     ((mass, shoulder), (head, across)) = figure.subplots(2, 2)

@@ -117,7 +117,7 @@ def _root(gramian: Floats) -> Floats:
 # ---- formats
 
 
-def as_object(model: NamedStateSpace) -> dict[str, Any]:
+def state_space_object(model: NamedStateSpace) -> dict[str, Any]:
     """JSON-able: matrices as lists of rows, signals with names and units."""
     return {
         "filetype": FILETYPE,

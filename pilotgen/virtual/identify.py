@@ -33,7 +33,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Run:
+class TestRun:
     """One virtual test at one amplitude.
 
     Attributes
@@ -89,7 +89,7 @@ class Identification:
         The direct result.
     frequencies_hz : tuple of float
         The frequencies of the table [Hz].
-    runs : tuple of Run
+    runs : tuple of TestRun
         The virtual tests.
     preparation_s, direct_s : float
         Wall clock of posture and activations, and of linearisation, eigenanalysis and response [s].
@@ -99,7 +99,7 @@ class Identification:
     values: dict[str, Any]
     model: PilotModel
     frequencies_hz: tuple[float, ...]
-    runs: tuple[Run, ...]
+    runs: tuple[TestRun, ...]
     preparation_s: float
     direct_s: float
 
@@ -107,7 +107,7 @@ class Identification:
         """The direct result [rad per m/s^2], without washout."""
         return self.model.response(2.0 * np.pi * np.asarray(frequency_hz, dtype=float), washout=False)
 
-    def ratios(self, run: Run) -> Complexes:
+    def ratios(self, run: TestRun) -> Complexes:
         """A test's response over the direct result, at the test's frequencies. Shape (frequencies,)."""
         return np.asarray(run.response / self.direct(run.frequency_hz), dtype=np.complex128)
 
@@ -238,7 +238,7 @@ def identify(
             estimate = random_test(test, amplitude, realisations * PERIOD_S, clipped, seed, f"random_{what}", report)
             done += realisations
             runs.append(
-                Run(
+                TestRun(
                     "random",
                     amplitude,
                     clipped,
@@ -265,8 +265,8 @@ def _realisations(duration_s: float | None) -> int:
     return 4 if duration_s is None else max(2, math.ceil(duration_s / PERIOD_S - 1e-9))
 
 
-def _harmonic_run(points: Sequence[HarmonicPoint], amplitude: float, clipped: bool) -> Run:
-    return Run(
+def _harmonic_run(points: Sequence[HarmonicPoint], amplitude: float, clipped: bool) -> TestRun:
+    return TestRun(
         "harmonic",
         amplitude,
         clipped,
@@ -311,7 +311,7 @@ def report(found: Identification) -> str:
     return "\n".join([*lines, *([""] if hidden else []), *hidden]) + "\n"
 
 
-def _table(found: Identification, runs: Sequence[Run], width: int) -> list[str]:
+def _table(found: Identification, runs: Sequence[TestRun], width: int) -> list[str]:
     """The responses of a few tests, a line for every frequency."""
     length_mm = 1e3 * found.model.lever_length_m
     width = max(width, 19)
@@ -329,7 +329,7 @@ def _table(found: Identification, runs: Sequence[Run], width: int) -> list[str]:
     return lines
 
 
-def _note(run: Run) -> str:
+def _note(run: TestRun) -> str:
     if run.coherence is not None:
         return f"coherence at least {np.min(run.coherence):.4f}"
     largest = max(run.points, key=lambda point: max(point.harmonics))

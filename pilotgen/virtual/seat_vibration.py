@@ -134,7 +134,7 @@ def published() -> dict[str, Any]:
     return found
 
 
-def frequency_grid() -> Floats:
+def vibration_frequencies() -> Floats:
     """Frequencies [Hz], shape (n,), evenly spaced on a logarithmic axis, those of the table among them."""
     return np.unique(np.concatenate((np.geomspace(LOW_HZ, HIGH_HZ, POINTS), TABLE_HZ)))
 
@@ -149,7 +149,7 @@ def seat_vibration(pilot: SolvedPilot, frequency_hz: Floats | None = None) -> Se
     pilot : SolvedPilot
         Linearised, with a torso on springs.
     frequency_hz : ndarray, shape (n,), optional
-        `frequency_grid` by default.
+        `vibration_frequencies` by default.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def seat_vibration(pilot: SolvedPilot, frequency_hz: Floats | None = None) -> Se
         )
     if pilot.matrices is None:
         raise ValueError("the pilot's deck was not linearised")
-    frequency_hz = frequency_grid() if frequency_hz is None else np.asarray(frequency_hz, dtype=float)
+    frequency_hz = vibration_frequencies() if frequency_hz is None else np.asarray(frequency_hz, dtype=float)
     s = np.asarray(2j * math.pi * frequency_hz, dtype=complex)
     motion = split(descriptor(pilot.matrices))
     free = motion.free

@@ -19,7 +19,7 @@ from numpy.testing import assert_allclose
 from pilotgen.cli import main
 from pilotgen.errors import PilotgenError, StudyError
 from pilotgen.evaluation import EvaluationContext, evaluate
-from pilotgen.linear.export import NamedStateSpace, as_mat, as_object, as_table, named, reduced
+from pilotgen.linear.export import NamedStateSpace, as_mat, as_table, named, reduced, state_space_object
 from pilotgen.linear.feedthrough import make_pilot_model, mayo_pilot
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS, Channels
 from pilotgen.linear.pilot_model import PilotModel, read_pilot_model
@@ -132,5 +132,5 @@ def test_octave_loads_it(six: PilotModel, tmp_path: Path) -> None:
 
 
 def test_texts(six: PilotModel) -> None:
-    assert json.loads(json.dumps(as_object(named(six)), allow_nan=False))["version"] == "1.0"
+    assert json.loads(json.dumps(state_space_object(named(six)), allow_nan=False))["version"] == "1.0"
     assert as_table(named(six)).count("\n") == 401
