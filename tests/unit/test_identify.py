@@ -247,8 +247,8 @@ def test_the_command(mbdae: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
         (["--amplitude", "-1"], "greater than zero"),
         (["--frequencies", "0.001"], "outside 0.05 to 50 Hz"),
         (["--frequencies", "three"], "is not a number"),
-        (["--method", "guess"], "invalid choice"),
-        (["--seed", "-3"], "a seed is 0 or more"),
+        (["--method", "guess"], "is not known; choose one of: direct"),
+        (["--seed", "-3"], "is negative; zero or more is wanted"),
     ],
 )
 def test_wrong_arguments(arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
