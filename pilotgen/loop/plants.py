@@ -13,18 +13,17 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from pilotgen.errors import FileError
 from pilotgen.linear.imposed_motion import PEDALS, SEAT_MOTIONS
 from pilotgen.linear.statespace import FloatArray
 from pilotgen.loop.loop_file import read_values
 from pilotgen.loop.rotorcraft_model import pade_delay
+from pilotgen.study.yaml_file import bundled
 
 CONTROLS: Mapping[str, tuple[str, str, str]] = {  # output of the pilot, positive word, its opposite
     "collective": ("collective_rotation", "up", "down"),
@@ -108,8 +107,7 @@ def roll_rotorcraft() -> Mapping[str, Mapping[str, Any]]:
 
 
 def _bundled() -> dict[str, Any]:
-    text = files("pilotgen").joinpath("data", "plants.yaml").read_text(encoding="utf-8")
-    data: dict[str, Any] = yaml.safe_load(text)
+    data: dict[str, Any] = bundled("plants").value
     return data
 
 
