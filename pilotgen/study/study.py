@@ -35,7 +35,7 @@ from pilotgen.study.schema import (
     locate,
     members,
 )
-from pilotgen.study.torso_numbers import RIGID, TorsoNumbers, torso_from
+from pilotgen.study.torso_numbers import LUMPED, RIGID, TorsoNumbers, torso_from
 from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,
@@ -255,7 +255,7 @@ class Study:
         study = dataclasses.replace(self, **changed)
         _check_together(study)
         for path, data in changes.items():
-            _check_for_rigid(study, path, data)
+            _check_torso_number(study, path, data)
         return study
 
     def _plain(self, section: str) -> Any:
@@ -506,29 +506,33 @@ def _check_together(study: Study) -> None:
                     list(bounds),
                     f"does not go with nominal.{other}; use mass_kg in both or bmi in both",
                 )
-            _check_for_rigid(study, name, list(bounds), f"{section}.variables.{name}")
+            _check_torso_number(study, name, list(bounds), f"{section}.variables.{name}")
 
 
 _ONLY_WITH_SPRINGS = ("cockpit.seat.cushion", "cockpit.seat.back", "pilot.torso")
 
 
 def _check_torso(study: Study, tree: Mapping[str, Any]) -> None:
-    """Raise Mistake if a study gives numbers to what its rigid torso does not have."""
+    """Raise Mistake if a study gives numbers to what its torso does not have."""
     for path in _ONLY_WITH_SPRINGS:
         data: Any = tree
         for key in path.split("."):
             data = data.get(key) if isinstance(data, Mapping) else None
         for key in data if path == "pilot.torso" and isinstance(data, Mapping) else ():
-            _check_for_rigid(study, f"{path}.{key}", data[key])
+            _check_torso_number(study, f"{path}.{key}", data[key])
         if path != "pilot.torso" and data is not None:
-            _check_for_rigid(study, path, data)
+            _check_torso_number(study, path, data)
 
 
-def _check_for_rigid(study: Study, path: str, data: Any, place: str | None = None) -> None:
+def _check_torso_number(study: Study, path: str, data: Any, place: str | None = None) -> None:
     springs = path.startswith(_ONLY_WITH_SPRINGS) and path != "pilot.torso.model"
     if springs and study.pilot.model != MAYO and study.pilot.torso["model"] == RIGID and data != "none":
         raise Mistake(
             place or path,
             data,
             "means nothing for pilot.torso.model = 'rigid', which has no springs; remove one of them",
+        )
+    if path == "pilot.torso.modes_up_to_hz" and study.pilot.torso["model"] == LUMPED:
+        raise Mistake(
+            place or path, data, "means nothing for pilot.torso.model = 'lumped', which has no modes; remove one of them"
         )

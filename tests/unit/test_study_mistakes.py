@@ -364,6 +364,8 @@ RIGID = "means nothing for pilot.torso.model = 'rigid'"
             "means nothing for pilot.torso.model = 'rigid'",
         ),
         ("torso: {model: rigid, bmi_trend: false}", "", RIGID),
+        ("torso: {model: lumped, modes_up_to_hz: 30}", "", "'lumped', which has no modes"),
+        ("torso: {modes_up_to_hz: 30}", "", "modes_up_to_hz = 30 means nothing for pilot.torso.model = 'lumped'"),
         (
             "sex: male",
             "seat: {cushion: {stiffness_n_per_m: -1}}",
