@@ -534,5 +534,7 @@ def _check_torso_number(study: Study, path: str, data: Any, place: str | None = 
         )
     if path == "pilot.torso.modes_up_to_hz" and study.pilot.torso["model"] == LUMPED:
         raise Mistake(
-            place or path, data, "means nothing for pilot.torso.model = 'lumped', which has no modes; remove one of them"
+            place or path,
+            data,
+            "means nothing for pilot.torso.model = 'lumped', which has no modes; remove one of them",
         )
