@@ -66,8 +66,8 @@ class Activations:
     joint_torques_N_m : dict
         What all muscles together exert about each joint coordinate [N m], names of `TORQUES` (`right_` before those of
         the right arm). They carry the arm's weight and what the control needs.
-    at_floor, saturated : tuple of str
-        Muscles at the lower bound and at 1.
+    at_floor : tuple of str
+        Muscles at the lower bound.
     hand_loads : dict
         What the control puts on the hand, by side: force [N], couple [N m] and the hand's origin, where the force acts
         [m], world axes.
@@ -80,7 +80,6 @@ class Activations:
     largest_muscle: str
     joint_torques_N_m: dict[str, float]
     at_floor: tuple[str, ...]
-    saturated: tuple[str, ...]
     hand_loads: dict[str, Load]
 
 
@@ -145,7 +144,6 @@ def solve_activations(matrices: Matrices, body: Body, cockpit: Cockpit, *, floor
         largest_muscle=names[largest],
         joint_torques_N_m=torques,
         at_floor=tuple(name for name, a in by_name.items() if a <= floor + _BOUND_TOLERANCE),
-        saturated=tuple(name for name, a in by_name.items() if a >= 1.0 - _BOUND_TOLERANCE),
         hand_loads=loads,
     )
 

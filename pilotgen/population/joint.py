@@ -14,8 +14,6 @@ from scipy.special import ndtr
 
 from pilotgen.errors import StudyError
 
-UNBOUNDED = (-np.inf, np.inf)
-
 
 @dataclass(frozen=True)
 class Normal:

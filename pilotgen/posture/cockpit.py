@@ -54,7 +54,6 @@ class Cockpit:
     back_angle_deg: float
     seat_mode: str
     seat_shift_m: np.ndarray  # (2,) forward, up, from the middle of the travel
-    eye_m: np.ndarray  # (2,) where the eye ends up: x, y
     eye_mismatch_m: np.ndarray  # (2,) eye minus design eye point: what the seat's travel did not reach
 
     def seat_report(self) -> dict[str, Any]:
@@ -102,7 +101,7 @@ def make_cockpit(
     SCHEMA["inceptor.position"].check(f"position = {position:g}", position)
     SCHEMA["pilot.seat"].check(f"seat = {seat!r}", seat)
     data = cockpit_numbers() if numbers is None else numbers
-    shift, eye, mismatch = _adjust_seat(body, data["seat"], seat)
+    shift, mismatch = _adjust_seat(body, data["seat"], seat)
     return Cockpit(
         torso={side: _shoulder(body, data, side, shift) for side in body.limbs},
         inceptors={
@@ -114,7 +113,6 @@ def make_cockpit(
         back_angle_deg=float(data["seat"]["back_angle_deg"]),
         seat_mode=seat,
         seat_shift_m=shift,
-        eye_m=eye,
         eye_mismatch_m=mismatch,
     )
 
@@ -126,8 +124,8 @@ def _on_the_back(forward_m: float, height_m: float, back_angle_deg: float) -> np
     return np.array([forward_m * c - height_m * s, height_m * c + forward_m * s])
 
 
-def _adjust_seat(body: Body, seat: Mapping[str, Any], mode: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Seat shift, eye and its distance from the design eye point, each (2,) = x, y [m]."""
+def _adjust_seat(body: Body, seat: Mapping[str, Any], mode: str) -> tuple[np.ndarray, np.ndarray]:
+    """Seat shift, and the eye's distance from the design eye point, each (2,) = x, y [m]."""
     angle, forward, slump = seat["back_angle_deg"], seat["eye_forward_of_back_m"], seat["slump_m"]
     design = _on_the_back(forward, seat["design_eye_height_m"] - slump, angle)
     eye = _on_the_back(forward, body.eye_height_sitting_m - slump, angle)
@@ -135,7 +133,7 @@ def _adjust_seat(body: Body, seat: Mapping[str, Any], mode: str) -> tuple[np.nda
     if mode == "design_eye":
         travel = np.array([seat["fore_aft_travel_m"], seat["vertical_travel_m"]])
         shift = np.clip(design - eye, -travel, travel)
-    return shift, eye + shift, eye + shift - design
+    return shift, eye + shift - design
 
 
 def _shoulder(body: Body, data: CockpitNumbers, side: str, shift: np.ndarray) -> Pose:
