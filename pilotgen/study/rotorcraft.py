@@ -142,10 +142,16 @@ def load_rotorcraft(rotorcraft: str | Mapping[str, Any]) -> Rotorcraft:
 
 
 def rotorcraft_from(checked: str | Mapping[str, Any]) -> Rotorcraft:
-    """The rotorcraft of checked data: a bundled name, or numbers."""
+    """The rotorcraft of checked data: a bundled name, or numbers. StudyError if a part of it is incomplete."""
     given: Mapping[str, Any] = (
         _checked(Value(bundled("rotorcraft"), (checked,))) if isinstance(checked, str) else checked
     )
+    for part in ("actuator", "notch", "sling"):
+        if given.get(part) is not None:
+            for key, path in members(f"rotorcraft.{part}").items():
+                if SCHEMA[path].default is REQUIRED and key not in given[part]:
+                    raise Mistake(f"rotorcraft.{part}", dict(given[part]), f"lacks {key}; give it as well")
+            given = {**given, part: {**defaults(f"rotorcraft.{part}"), **given[part]}}
     files = {key: os.path.abspath(given[key]) for key in _FILES if given.get(key)}
     return Rotorcraft(**{**defaults("rotorcraft"), **given, **files})
 
