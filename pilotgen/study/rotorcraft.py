@@ -142,7 +142,7 @@ def load_rotorcraft(rotorcraft: str | Mapping[str, Any]) -> Rotorcraft:
 
 
 def rotorcraft_from(checked: str | Mapping[str, Any]) -> Rotorcraft:
-    """The rotorcraft of checked data: a bundled name, or numbers. StudyError if a part of it is incomplete."""
+    """The rotorcraft of checked data: a bundled name, or numbers. Mistake (a StudyError) if a part lacks a number."""
     given: Mapping[str, Any] = (
         _checked(Value(bundled("rotorcraft"), (checked,))) if isinstance(checked, str) else checked
     )
