@@ -280,3 +280,9 @@ def test_the_example_with_a_bending_mode() -> None:
     s, w = 1j * OMEGA, 2.0 * math.pi * 5.5
     expected = HeaveModel(PUMA).response(OMEGA) * (1.0 + 0.15 * s**2 / (s**2 + 0.04 * w * s + w**2))
     assert_allclose(rotorcraft_model(study.rotorcraft).response(OMEGA), expected, rtol=1e-9)
+
+
+def test_an_incomplete_part_is_refused_by_name() -> None:
+    study = study_from_text(STUDY.format(what="unused", file="x").replace("\n  unused: x", " iar330-puma"))
+    with pytest.raises(StudyError, match=r"rotorcraft\.sling .*lacks stiffness_n_per_m; give it as well"):
+        study.with_values({"rotorcraft.sling.load_kg": 2000.0})
