@@ -23,7 +23,7 @@ from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.loop.rotorcraft_model import Chained, RotorcraftModel, pade_delay, rotorcraft_model
-from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
+from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft, rotorcraft_from
 from pilotgen.study.study import read_study, study_from_text
 
 PUMA = load_rotorcraft("iar330-puma")
@@ -284,5 +284,10 @@ def test_the_example_with_a_bending_mode() -> None:
 
 def test_an_incomplete_part_is_refused_by_name() -> None:
     study = study_from_text(STUDY.format(what="unused", file="x").replace("\n  unused: x", " iar330-puma"))
-    with pytest.raises(StudyError, match=r"rotorcraft\.sling .*lacks stiffness_n_per_m; give it as well"):
+    with pytest.raises(
+        StudyError, match=r"rotorcraft\.sling\.load_kg = 2000 needs rotorcraft\.sling\.stiffness_n_per_m"
+    ):
         study.with_values({"rotorcraft.sling.load_kg": 2000.0})
+    numbers = {**study.rotorcraft.given(), "sling": {"load_kg": 2000.0}}
+    with pytest.raises(StudyError, match=r"rotorcraft\.sling .*lacks stiffness_n_per_m; give it as well"):
+        rotorcraft_from(numbers)
