@@ -218,6 +218,9 @@ class Study:
         except Mistake as mistake:
             name = named.get(mistake.path, "")
             place = say(name, changes[name]) if name else f"{mistake.path} = {shown(mistake.value)}"
+            parts = [own for path, own in named.items() if path.startswith(f"{mistake.path}.")]
+            if not name and parts:  # a part of what is wrong was changed
+                place = f"{say(parts[0], changes[parts[0]])}: {mistake.path}"
             raise StudyError(f"{place} {mistake.problem}") from None
         return study, study.values(own)
 
