@@ -218,9 +218,10 @@ class Study:
         except Mistake as mistake:
             name = named.get(mistake.path, "")
             place = say(name, changes[name]) if name else f"{mistake.path} = {shown(mistake.value)}"
-            parts = [own for path, own in named.items() if path.startswith(f"{mistake.path}.")]
-            if not name and parts:  # a part of what is wrong was changed
-                place = f"{say(parts[0], changes[parts[0]])}: {mistake.path}"
+            section = mistake.path.partition(".")[0]
+            beside = [own for path, own in named.items() if path.startswith(f"{section}.")]
+            if not name and beside:  # what was changed does not go with the rest of its section
+                place = f"{say(beside[0], changes[beside[0]])}: {place}"
             raise StudyError(f"{place} {mistake.problem}") from None
         return study, study.values(own)
 

@@ -155,7 +155,7 @@ def test_mass_and_body_mass_index_follow_from_each_other() -> None:
             "cockpit.lever.lowest_angle_deg = 50 must be below highest_angle_deg = 40 deg; swap them",
         ),
         ({"rotorcraft.flap_static_moment_kg_m": 2000.0}, "rotorcraft.flap_static_moment_kg_m = 2000 is too large for "),
-        ({"rotorcraft.mass_kg": 100.0}, "rotorcraft.flap_static_moment_kg_m = 276.48 is too large for mass_kg = 100"),
+        ({"rotorcraft.mass_kg": 100.0}, "rotorcraft.mass_kg = 100: rotorcraft.flap_static_moment_kg_m = 276.48 is "),
         ({"pilot.model": "mayo"}, "pilot.model = 'mayo': another pilot model needs another nominal pilot"),
         ({"nominal": "ectomorphic"}, "nominal = 'ectomorphic' is no pilot of pilot.model = 'multibody'"),
         ({"inceptor.position": "1,5"}, "inceptor.position = '1,5' is not a number; a number from 0 to 1 is wanted; "),
@@ -299,7 +299,9 @@ def test_a_part_that_a_study_lacks_is_given_whole_or_not_at_all() -> None:
         StudyError, match=r"rotorcraft\.actuator\.damping = 0\.7 needs rotorcraft\.actuator\.corner_rad_s"
     ):
         STUDY.with_values({"rotorcraft.actuator.damping": 0.7})
-    with pytest.raises(StudyError, match="population.own.mean.mass_kg = 70: population lacks the key people"):
+    with pytest.raises(
+        StudyError, match="population.own.mean.mass_kg = 70: population = 'a mapping' lacks the key people"
+    ):
         STUDY.with_values({"population.own.mean.mass_kg": 70.0})
 
 
@@ -368,11 +370,6 @@ def test_any_value_at_any_path_is_taken_or_refused(name: str, data: object) -> N
         try:
             changed_study, values = study.with_values({name: data})
         except StudyError as error:
-            others = (
-                "rotorcraft.flap_static_moment_kg_m = 276.48 is too large",
-                "population = 'a mapping' lacks the key people",
-                "cockpit.collective.lowest_angle_deg",
-            )
-            assert str(error).startswith((name, *others)), str(error)
+            assert str(error).startswith((name, "cockpit.collective.lowest_angle_deg")), str(error)
         else:
             assert json.loads(changed_study.canonical()) and set(values) == set(study.values(values))
