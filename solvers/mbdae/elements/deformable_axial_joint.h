@@ -5,9 +5,9 @@
 //   g[M1] -= m,  g[M2] += m
 //
 // It owns no unknowns; the couple m acts on node 1, -m on node 2. Meant to stand beside a revolute hinge on the same
-// axis; elsewhere theta_3 is the third component of the rotation vector. Valid for |theta| < pi. Tangent exact in any
-// state; MBDyn's takes dtheta_3 for e.(dphi2 - dphi1), which it is only for rotations about the axis:
-// docs/theory/elements.md, docs/conventions.md; test "deformable hinges and joint at large relative rotation"
+// axis; elsewhere theta_3 is the third component of the rotation vector. Valid for |theta| < pi. Source: MBDyn's joint.
+// Tangent exact in any state; MBDyn's takes dtheta_3 for e.(dphi2 - dphi1), which it is only for rotations about the
+// axis: docs/theory/elements.md, docs/conventions.md; test "deformable hinges and joint at large relative rotation"
 // (test_model_tangent.cpp).
 //
 // SPDX-License-Identifier: BSD-3-Clause

@@ -6,9 +6,9 @@
 //   g[F1] -= F,  g[M1] -= d1 x F,  g[F2] += F,  g[M2] += d2 x F
 //
 // It owns no unknowns; F acts on node 1 at node 2's point, -F on node 2. The orientation on node 2 has no effect. Valid
-// in any state. Tangent exact in any state; MBDyn's lacks, for viscous and viscoelastic laws, every term with F itself
-// (the arms and the turning frame): docs/theory/elements.md, docs/conventions.md; test "deformable hinges and joint at
-// large relative rotation" (test_model_tangent.cpp).
+// in any state. Source: MBDyn's joint. Tangent exact in any state; MBDyn's lacks, for viscous and viscoelastic laws,
+// every term with F itself (the arms and the turning frame): docs/theory/elements.md, docs/conventions.md; test
+// "deformable hinges and joint at large relative rotation" (test_model_tangent.cpp).
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

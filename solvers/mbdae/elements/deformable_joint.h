@@ -7,9 +7,9 @@
 //   g[F1] -= F,  g[M1] -= M + d1 x F,  g[F2] += F,  g[M2] += M + d2 x F
 //
 // It owns no unknowns; (F, M) acts on node 1 at node 2's point, the opposite on node 2. A spring below node 2 that
-// carries a weight W has the prestress (0, 0, -W). Valid for a relative rotation below pi. Tangent exact in any state
-// (MBDyn's lacks the inverse of Gamma before its first step, docs/conventions.md): docs/theory/elements.md; test
-// "deformable hinges and joint at large relative rotation" (test_model_tangent.cpp).
+// carries a weight W has the prestress (0, 0, -W). Valid for a relative rotation below pi. Source: MBDyn's joint.
+// Tangent exact in any state (MBDyn's lacks the inverse of Gamma before its first step, docs/conventions.md):
+// docs/theory/elements.md; test "deformable hinges and joint at large relative rotation" (test_model_tangent.cpp).
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

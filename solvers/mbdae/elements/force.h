@@ -5,8 +5,8 @@
 //   follower force:   the same with f = R f~(t)
 //   couples:          g[M] -= m,  m(t) global or R m~(t)
 //
-// They own no unknowns; f and m act on the node (g is minus the sum of forces). Valid in any state. Tangent:
-// docs/theory/elements.md; test "forces and couples" (test_model_tangent.cpp).
+// They own no unknowns; f and m act on the node (g is minus the sum of forces). Valid in any state. Source: MBDyn's
+// forces and couples. Tangent: docs/theory/elements.md; test "forces and couples" (test_model_tangent.cpp).
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

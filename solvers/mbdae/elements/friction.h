@@ -17,9 +17,10 @@
 //     sliding:  0 = sign mu(|v|) + sigma2 v - f
 //
 // Stuck turns to sliding when |f| would exceed mu(0), sliding to stuck when v changes sign; a model starts stuck.
-// Without preload the stuck model is singular where the hinge carries no load. Source: Dupont et al. (2002) as MBDyn
-// has it, whose slope of mu has the wrong sign for v < 0 (docs/conventions.md); ours is exact, the turning of e3
-// included. Tests "friction: tangents" (test_model_scalar.cpp), histories in tests/consistency/test_mbdyn_loop.py.
+// Without preload the stuck model is singular where the hinge carries no load. Valid in any state where the hinge is
+// not singular. Source: Dupont et al. (2002) as MBDyn has it, whose slope of mu has the wrong sign for v < 0
+// (docs/conventions.md); ours is exact, the turning of e3 included. Tests "friction: tangents" (test_model_scalar.cpp),
+// histories in tests/consistency/test_mbdyn_loop.py.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

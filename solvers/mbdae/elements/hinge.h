@@ -10,9 +10,10 @@
 // ground), so that it acts on node 1 with a minus sign; the cardano pin has r = -1. s = -1, but +1 for the cardano
 // hinge; k per axis in hinge.cpp; t = -1, but +1 for the prismatic joint, which has three axes and no points. All as in
 // MBDyn's Jacobians. Spherical: no axis; revolute: e3 of frame 1 against e2 and e1 of frame 2; cardano: e3 of frame 1
-// against e2 of frame 2. An axis condition holds for a = -a too: a joint assembled upside down stays there. Tangent:
-// docs/theory/elements.md; tests "spherical joints", "revolute joints", "cardano joints" (test_model_tangent.cpp),
-// "prismatic joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
+// against e2 of frame 2. An axis condition holds for a = -a too: a joint assembled upside down stays there. Valid in
+// any state. Source: MBDyn's joints. Tangent exact: docs/theory/elements.md; tests "spherical joints", "revolute
+// joints", "cardano joints" (test_model_tangent.cpp), "prismatic joint, plane" (test_model_scalar.cpp), signs in
+// test_model_signs.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

@@ -5,8 +5,9 @@
 //   g[M1] -= m,  g[M2] += m
 //
 // It owns no unknowns; the couple m acts on node 1, -m on node 2. With an isotropic law it makes no difference which
-// node comes first. Valid for |theta| < pi. Tangent exact in any state: docs/theory/elements.md; test "deformable
-// hinges and joint at large relative rotation" (test_model_tangent.cpp).
+// node comes first. Valid for |theta| < pi. Source: MBDyn's joint; rotation vectors of model/rotation.h. Tangent exact
+// in any state: docs/theory/elements.md; test "deformable hinges and joint at large relative rotation"
+// (test_model_tangent.cpp).
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

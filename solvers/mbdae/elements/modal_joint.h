@@ -20,9 +20,10 @@
 // axial(A) is the vector of the skew part of A, sin(angle) n of a rotation; it is zero at R2 = R exp(n atan |Q a|), n
 // along Q a. MBDyn's residual has the angle itself, with the same derivative where it is zero. Unknowns: a, b, then F,
 // N of every interface. The last term of g[w] has R once too often; it is what MBDyn's matrices and motion contain. It
-// vanishes at rest and without moments of inertia of the finite element nodes. Source: Shabana, Dynamics of Multibody
-// Systems, chapter 5, for the floating frame; docs/io_formats/fem.md for the sums. Tangent: exact in every state; tests
-// test_model_modal.cpp and tests/consistency/test_mbdyn_modal.py.
+// vanishes at rest and without moments of inertia of the finite element nodes. Valid for small deformations a in any
+// motion of the frame. Source: Shabana, Dynamics of Multibody Systems, chapter 5, for the floating frame;
+// docs/io_formats/fem.md for the sums. Tangent: exact in every state; tests test_model_modal.cpp and
+// tests/consistency/test_mbdyn_modal.py.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

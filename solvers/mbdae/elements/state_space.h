@@ -4,12 +4,13 @@
 //   g[x] = E x' - A x - B u
 //   g[y] += y - C x - D u          in the row of the output's degree of freedom, y its value
 //
-// x are n states of its own; u are degrees of freedom or drives. `gain` multiplies C and D. The scalar filter
-// y/u = b(s)/a(s) with monic a is the controllable canonical form of it, its gain multiplying b. Unless the card says
+// x are n states of its own; u are degrees of freedom or drives. `gain` multiplies C and D. The scalar filter y/u =
+// b(s)/a(s) with monic a is the controllable canonical form of it, its gain multiplying b. Unless the card says
 // `balance, no` the states are scaled by powers of two, x = T x_scaled, as MBDyn scales them (LAPACK's dgebal):
-// unknowns and the initial values of the card are the scaled ones. Valid in any state. Tangent exact; MBDyn's has the
-// input with the opposite sign and in the input's row number, lacks D, and leaves out drives (docs/conventions.md).
-// Tests "state spaces and filters", "states are balanced as LAPACK does" (test_model_scalar.cpp).
+// unknowns and the initial values of the card are the scaled ones. Valid in any state. Source: MBDyn's genels. Tangent
+// exact; MBDyn's has the input with the opposite sign and in the input's row number, lacks D, and leaves out drives
+// (docs/conventions.md). Tests "state spaces and filters", "states are balanced as LAPACK does"
+// (test_model_scalar.cpp).
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

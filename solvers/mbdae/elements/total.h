@@ -12,10 +12,10 @@
 //
 // Reactions [N, N m] act on node 1 with a plus sign, on node 2 with a minus sign, as in MBDyn. With one or two
 // rotations active, the imposed rotation vector's free components follow the motion (set_reference). Valid for theta <
-// pi. The tangent is exact in any state, where MBDyn's in line and in plane joints (under load), total pin (offset and
-// load) and rotation rows (theta not 0) are not: docs/theory/elements.md, docs/conventions.md; tests "clamp, also when
-// turned away from its place", "in line", "total joint, every kind of component" (test_model_tangent.cpp), "prismatic
-// joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
+// pi. Source: MBDyn's joints. The tangent is exact in any state, where MBDyn's in line and in plane joints (under
+// load), total pin (offset and load) and rotation rows (theta not 0) are not: docs/theory/elements.md,
+// docs/conventions.md; tests "clamp, also when turned away from its place", "in line", "total joint, every kind of
+// component" (test_model_tangent.cpp), "prismatic joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
