@@ -173,6 +173,7 @@ void print_summary(const std::string& deck, const Outcome& outcome) {
   }
   if (!outcome.dofs.empty()) print_layout(outcome);
   if (!outcome.output.empty()) std::printf("wrote %s in %.3g s\n", outcome.output.c_str(), outcome.seconds);
+  for (const std::string& path : outcome.more_outputs) std::printf("wrote %s\n", path.c_str());
 }
 
 /// Prints the time reached on standard error, at most every tenth of a second of wall clock.

@@ -2,8 +2,10 @@
 #include "mbdae/job.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -37,8 +39,14 @@ class BadRequest : public std::runtime_error {
 };
 
 std::string read_text_file(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO without a writer would block
   if (fd < 0) throw FileError("cannot read '" + path + "': " + std::strerror(errno));
+  struct stat status {};
+  if (::fstat(fd, &status) == 0 && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode)) {
+    ::close(fd);
+    throw FileError("cannot read '" + path + "': it is a " +
+                    (S_ISFIFO(status.st_mode) ? "FIFO" : "device or a socket") + ", decks are regular files");
+  }
   std::string text;
   char buffer[65536];
   ssize_t count = 0;
@@ -71,6 +79,14 @@ std::string deck_hash(const std::string& text, const Deck& deck) {
 void check_output_directory(const std::string& path) {
   const fs::path parent = fs::path(path).parent_path();
   const std::string directory = parent.empty() ? "." : parent.string();
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    const char* const what = S_ISLNK(status.st_mode)    ? "a symbolic link"
+                             : S_ISDIR(status.st_mode)  ? "a directory"
+                             : S_ISFIFO(status.st_mode) ? "a FIFO"
+                                                        : "a device or a socket";
+    throw FileError("cannot write '" + path + "': it is " + what + "; results are written to regular files only");
+  }
   const std::string inside = directory + "/.";  // so that a plain file is refused, too
   const int error = ::access(inside.c_str(), W_OK) == 0 ? 0 : errno;
   if (error != 0) {
@@ -160,7 +176,7 @@ std::string output_path(const Job& job, Task task) {
   return job.output + (task == Task::integrate ? ".motion.h5" : ".h5");
 }
 
-LinearisedModel solve(Task task, const Deck& deck, const JobOptions& given) {
+std::vector<LinearisedModel> solve(Task task, const Deck& deck, const JobOptions& given) {
   if (task == Task::static_equilibrium) {
     if (!deck.control.static_model) {
       throw ModelError("a static equilibrium needs 'model: static' in the control data block");
@@ -168,12 +184,19 @@ LinearisedModel solve(Task task, const Deck& deck, const JobOptions& given) {
     StaticOptions options;
     if (given.tolerance) options.tolerance = *given.tolerance;
     if (given.max_iterations) options.max_iterations = *given.max_iterations;
-    return solve_static(deck, options);
+    std::vector<LinearisedModel> models;
+    models.push_back(solve_static(deck, options));
+    return models;
   }
   LineariseOptions options;
   options.c = given.c;
-  if (given.state) options.state = read_state(*given.state);
-  return linearise(deck, options);
+  if (given.state) {  // taken as the state at the initial time, and no other
+    options.state = read_state(*given.state);
+    std::vector<LinearisedModel> models;
+    models.push_back(linearise(deck, options));
+    return models;
+  }
+  return linearise_at_times(deck, options);
 }
 
 Motion integrate_deck(const Deck& deck, const Job& job, Integration& integration) {
@@ -191,6 +214,29 @@ Motion integrate_deck(const Deck& deck, const Job& job, Integration& integration
   return integrate(deck, options);
 }
 
+/// Adds notes that are not there yet as warnings.
+void warn(const std::vector<std::string>& notes, const std::string& deck, Outcome& outcome) {
+  for (const std::string& note : notes) {
+    Diagnostic diagnostic;
+    diagnostic.file = deck;
+    diagnostic.severity = Severity::warning;
+    diagnostic.message = note;
+    const auto same = [&](const Diagnostic& other) { return other.message == note; };
+    if (std::none_of(outcome.diagnostics.begin(), outcome.diagnostics.end(), same)) {
+      outcome.diagnostics.push_back(std::move(diagnostic));
+    }
+  }
+}
+
+/// `pilot.h5`, `pilot_01.h5`, `pilot_02.h5`, ... for the models of one deck.
+std::string numbered(const std::string& path, std::size_t index) {
+  if (index == 0) return path;
+  fs::path out(path);
+  const std::string number = (index < 10 ? "_0" : "_") + std::to_string(index);
+  out.replace_filename(out.stem().string() + number + out.extension().string());
+  return out.string();
+}
+
 void analyse(const Job& job, Task task, const std::string& text, const Deck& deck, Outcome& outcome) {
   const std::string output = output_path(job, task);
   if (!output.empty()) check_output_directory(output);
@@ -201,16 +247,31 @@ void analyse(const Job& job, Task task, const std::string& text, const Deck& dec
     const Motion motion = integrate_deck(deck, job, integration);
     outcome.counts = {{"rows", static_cast<long>(motion.time.size())},
                       {"channels", static_cast<long>(motion.channels.size())}};
+    warn(motion.notes, job.deck, outcome);
     if (!output.empty()) write_motion_file(output, motion, integration, provenance());
   } else {
-    LinearisedModel model = solve(task, deck, job.options);
-    require_finite(model);
+    std::vector<LinearisedModel> models = solve(task, deck, job.options);
+    for (const LinearisedModel& model : models) {
+      require_finite(model);
+      warn(model.notes, job.deck, outcome);
+    }
+    LinearisedModel& model = models.front();
     outcome.iterations = model.iterations;
     outcome.residual_norm = model.residual_norm;
     outcome.counts = {{"unknowns", static_cast<long>(model.y.size())},
                       {"inputs", static_cast<long>(model.inputs.size())},
                       {"muscles", static_cast<long>(model.muscles.size())}};
-    if (!output.empty()) outcome.datasets = write_matrices_file(output, model, provenance());
+    if (!output.empty()) {
+      for (std::size_t i = 0; i < models.size(); ++i) {
+        const std::string path = numbered(output, i);
+        std::vector<DatasetPlace> places = write_matrices_file(path, models[i], provenance());
+        if (i == 0) {
+          outcome.datasets = std::move(places);
+        } else {
+          outcome.more_outputs.push_back(path);
+        }
+      }
+    }
     if (job.options.nodes) outcome.nodes = std::move(model.nodes);
   }
   outcome.output = output;

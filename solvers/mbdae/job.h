@@ -79,6 +79,7 @@ struct Outcome {
   std::vector<std::pair<std::string, long>> counts;  ///< of what the deck or the result holds, in a fixed order
   std::string output;                                ///< the file written, empty if none
   std::vector<DatasetPlace> datasets;                ///< where they lie in a matrices file that was written
+  std::vector<std::string> more_outputs;             ///< of further times of the eigenanalysis
 };
 
 /// Does the job. Never throws on bad input: everything that goes wrong is told in the outcome.

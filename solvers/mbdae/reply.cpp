@@ -83,6 +83,7 @@ std::string reply_line(const Json& id, const Outcome& outcome) {
     for (const std::uint64_t size : place.dimensions) numbers.push_back(size);
   }
   rest["output"] = outcome.output;
+  if (!outcome.more_outputs.empty()) rest["more_outputs"] = outcome.more_outputs;
 
   std::string line = dump(reply);
   line.pop_back();  // }

@@ -128,7 +128,7 @@ TEST_CASE("what is not a deck is refused in one line") {
         binary + ": error: this is a binary file (it has zero bytes), expected a deck in plain text\n");
   const std::string empty = directory.write("empty", "");
   CHECK(file_complaint(empty) == empty + ":1:1: error: the file ends here, expected `begin: data;`\n");
-  CHECK(file_complaint("/dev/zero") == "/dev/zero: error: the file is larger than 64 MiB, this is not a deck\n");
+  CHECK(file_complaint("/dev/zero") == "/dev/zero: error: this is a device or a socket, expected a regular file\n");
 }
 
 TEST_CASE("errors are told together, up to a limit") {

@@ -59,7 +59,8 @@ TEST_CASE("mistakes in elements") {
                  "test.mbd:15:8: error: joint 1 is defined already (line 14)\n");
   check_elements("joint: 1, spherical hinge, 1, 1;",
                  "test.mbd:14:11: error: both ends of the joint are on the same node\n");
-  check_elements("joint: 1, revolute hinge, 1, 2;", "test.mbd:14:30: error: found `2`, expected `position`\n");
+  check_elements("joint: 1, revolute hinge, 1, 2;",
+                 "test.mbd:14:31: error: the card ends here, expected a component of the position\n");
   check_elements("joint: 1, revolute hinge, 1, position, null, orientation, null, 2, position, null;",
                  "test.mbd:14:59: error: `null` is not an orientation, expected `eye`\n");
   check_elements(
@@ -101,10 +102,11 @@ TEST_CASE("mistakes in elements") {
   check_elements(
       "couple: 1, absolute, 1, 1., 0., 0., cosin, 0., 1.;",
       "test.mbd:14:37: error: unknown drive `cosin`, expected: const, null, unit, one, time, timestep, direct, ramp, "
-      "sine, cosine, step, string, array, mult, reference, linear, node, element, dof, or a number; did you mean "
+      "sine, cosine, step, string, array, mult, reference, linear, node, element, dof, parabolic, cubic, piecewise "
+      "linear, or a number; did you mean "
       "`cosine`?\n");
-  check_elements("couple: 1, absolute, 1, 1., 0., 0., piecewise linear, 2, 0., 1., 0., 1.;",
-                 "test.mbd:14:37: error: not supported: the drive `piecewise linear`\n");
+  check_elements("couple: 1, absolute, 1, 1., 0., 0., periodic, 2, 0., 1., 0., 1.;",
+                 "test.mbd:14:37: error: not supported: the drive `periodic`\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., cosine, 0., 1., 1., 0, 0.;",
                  "test.mbd:14:57: error: found 0 cycles, expected 1 or more, half, or forever\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., string, \"sin(Time\";",
@@ -156,7 +158,7 @@ TEST_CASE("mistakes in nodes") {
   check_nodes("structural: 1, dynamic, null, matr, 1., 0., 0., 0., 1., 0., 0., 0., -1., null, null;",
               "test.mbd:10:31: error: the matrix is a reflection (determinant -1), expected a rotation\n");
   check_nodes("structural: 1, dynamic, null eye, null, null;",
-              "test.mbd:10:25: error: found `null eye`, expected a component of the position\n");
+              "test.mbd:10:25: error: not supported: `null eye` here, expected a component of the position\n");
   check_nodes("structural: 1, dynamic, null, eye, null, null, ;",
               "test.mbd:10:48: error: found `;` after a comma, expected another argument\n");
 }

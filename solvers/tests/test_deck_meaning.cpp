@@ -89,3 +89,88 @@ TEST_CASE("old forms of the first blocks") {
   CHECK(deck.initial_value.rho == 0.6);
   CHECK(deck.forces[0].as<mbdae::ForceData>().frame == mbdae::ForceFrame::absolute);
 }
+
+TEST_CASE("old forms of joints, drives and laws") {
+  const char* const forms[] = {
+      "joint: 1, spherical hinge, 1, reference, node, null, 2, reference, node, null;\n",
+      "joint: 1, deformable hinge, 1, hinge, eye, 2, hinge, eye, linear elastic, 1.;\n",
+      "joint: 1, pin, 1, null, null;\n",
+      "joint: 1, plane hinge, 1, null, hinge, eye, 2, null, hinge, eye;\n",
+      "joint: 1, plane pin, 1, null, hinge, eye, null, hinge, eye;\n",
+      "joint: 1, revolute hinge, 1, 0.,0.,0., hinge, eye, 2, -1.,-2.,-3., hinge, eye;\n",
+      "joint: 1, rod with offset, 1, position, 1., 0., 0., 2, position, null, 1., linear elastic, 1.;\n",
+      "joint: 1, name, \"j\", total joint, 1, 2, position constraint, 1, 1, 1, null;\n",
+      "joint: 1, inline, 1, position, null, hinge, eye, 2;\n",
+      "joint: 1, rod, 1, 2, from nodes, muscle, help, model, pennestri, initial length, .3, reference length, .3, "
+      "reference velocity, 1.2, reference force, 100., activation, const, .1, activation check, yes;\n",
+      "force: 1, absolute, 1, null, 0., 0., 1., linear, 0., 1.;\n",
+      "force: 1, absolute, 1, position, null, zero;\n"};
+  for (const char* form : forms) {
+    INFO(form);
+    DeckText deck;
+    deck.elements = form;
+    const mbdae::ReadResult result = mbdae::read_deck_text(deck.text(), "test.mbd");
+    INFO(deck_test::messages(result));
+    CHECK(result.deck.has_value());
+  }
+  const mbdae::Deck hinge = deck_test::with_elements(forms[5]);
+  CHECK(hinge.joints[0].as<mbdae::RevoluteHingeData>().d2 == Vec3(-1.0, -2.0, -3.0));
+}
+
+TEST_CASE("polynomials, broken lines and drive callers in strings") {
+  DeckText deck;
+  deck.globals = "set: integer RAMP = 5; drive caller: RAMP, piecewise linear, 3, 0., 1., 1., 3., 3., -1.;\n";
+  const auto drive = [&](const std::string& text) {
+    deck.elements = "force: 1, absolute, 1, position, null, 0., 0., 1., " + text + ";\n";
+    return deck_test::read_good(deck).forces[0].as<mbdae::ForceData>().value.terms[0].drive;
+  };
+  CHECK(drive("linear, 1., 2.")->value(3.0) == 7.0);
+  CHECK(drive("parabolic, 1., 2., 3.")->at(2.0).rate == 14.0);
+  CHECK(drive("cubic, 1., 2., 3., 4.")->at(2.0).value == 49.0);
+  CHECK(drive("cubic, 1., 2., 3., 4.")->at(2.0).second == 54.0);
+  const auto line = drive("reference, RAMP");
+  const std::pair<double, double> points[] = {{-1.0, 1.0}, {0.0, 1.0},  {0.5, 2.0},
+                                              {2.0, 1.0},  {3.0, -1.0}, {9.0, -1.0}};
+  for (const auto& [t, value] : points) CHECK(line->value(t) == Approx(value));
+  CHECK(line->at(2.0).rate == -2.0);
+  const auto string = drive("string, \"model::drive(5, 2.*Time)*Time\"");
+  CHECK(string->at(1.0).value == 1.0);
+  CHECK(string->at(1.0).rate == Approx(1.0 + 2.0 * -2.0));
+}
+
+TEST_CASE("what refers to itself, what is too much, what is not here") {
+  const auto said = [](const std::string& globals, const std::string& elements) {
+    DeckText deck;
+    deck.globals = globals;
+    deck.elements = elements;
+    return deck_test::complaint(deck.text());
+  };
+  const auto holds = [](const std::string& text, const std::string& part) {
+    INFO(text);
+    CHECK(text.find(part) != std::string::npos);
+  };
+  holds(said("drive caller: 1, const, 5.; drive caller: 2, array, 2, reference, 1, reference, 2;",
+             "force: 1, absolute, 1, position, null, 1., 0., 0., reference, 2;\n"),
+        "drive caller 2 refers to itself");
+  holds(said("reference: 4, reference, 4, null, eye, null, null;", ""), "reference 4 refers to itself");
+  holds(said("constitutive law: 4, 1, reference, 4;", ""), "1D constitutive law 4 refers to itself");
+  holds(said("drive caller: 4, string, \"model::drive(4, Time)\";", ""), "drive caller 4 refers to itself");
+
+  std::string chain = "drive caller: 1, time;\n", doubled = chain;
+  for (int i = 2; i <= 1200; ++i) {
+    const std::string before = "reference, " + std::to_string(i - 1);
+    chain += "drive caller: " + std::to_string(i) + ", mult, 1., " + before + ";\n";
+    if (i < 40) doubled += "drive caller: " + std::to_string(i) + ", array, 2, " + before + ", " + before + ";\n";
+  }
+  holds(said(chain, ""), "drives that refer to one another over more than 1000 steps");
+  holds(said(doubled, ""), "a drive made of more than 100000 others");
+  holds(said("drive caller: " + std::string(2000, 'A') + ", const, 1.;", ""), "a word of more than 1000 characters");
+
+  holds(said("", "joint: 1, gear box, 1, 2;\n"), "not supported: the joint type `gear box`");
+  holds(said("", "gear train: 1, 2;\n"), "not supported: the card `gear train`");
+  holds(said("", "body: 1, 1, 1., null, eye, wobbling, yes;\n"), "not supported: the option `wobbling` of this card");
+  holds(said("", "force: 1, absolute, 1, position, null, 1., 0., 0., chirp, 1.;\n"),
+        "not supported: the drive `chirp`");
+  holds(said("", "joint: 1, cardan hinge, 1, null, 2, null;\n"), "did you mean `cardano hinge`?");
+  holds(said("drive caller: 5, const, 1., output, yes, output, no;", ""), "`output` does not belong here");
+}

@@ -95,6 +95,21 @@ TEST_CASE("in line") {
   check_tangents(deck, 8);
 }
 
+TEST_CASE("in plane") {
+  Deck deck = two_bodies(18);
+  Ugly ugly(118);
+  add_joint(deck, InPlaneData{0, 1, ugly.vector(), ugly.vector().normalized(), ugly.vector()});
+  add_joint(deck, InPlaneData{1, 0, ugly.vector(), Vec3(0, 0, -1), Vec3::Zero()});
+  check_tangents(deck, 18);
+}
+
+TEST_CASE("prismatic") {
+  Deck deck = two_bodies(19);
+  Ugly ugly(119);
+  add_joint(deck, PrismaticData{0, 1, ugly.rotation(), ugly.rotation()});
+  check_tangents(deck, 19);
+}
+
 namespace {
 
 TotalJointData total_joint(Ugly& ugly) {

@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -211,11 +212,14 @@ def test_no_equilibrium_is_exit_code_2(mbdae: Path, tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_told(mbdae: Path, deck: Path) -> None:
-    (deck.parent / "out.h5.part").symlink_to("/dev/full")
-    done = run(mbdae, deck, "-o", "out", cwd=deck.parent)
+    def no_room() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))
+
+    done = run(mbdae, deck, "-o", "out", cwd=deck.parent, preexec_fn=no_room)
     assert done.returncode == 1
-    assert "cannot write 'out.h5': No space left on device" in done.stderr
-    assert not (deck.parent / "out.h5").exists()
+    assert "cannot write 'out.h5': File too large" in done.stderr
+    assert [path.name for path in deck.parent.iterdir()] == [deck.name]
     with open("/dev/full", "w") as full:
         done = subprocess.run([mbdae, "--check", deck], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 1 and "No space left" in done.stderr

@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "mbdae/dae/linearised_model.h"
 #include "mbdae/deck/deck.h"
@@ -47,11 +48,23 @@ struct IntegrateOptions {
   std::function<void(double)> progress;         ///< called with the time reached; may be empty
 };
 
+struct State;
+/// Called with the state at every instant written; false ends the integration.
+using AtInstant = std::function<bool(const State&)>;
+
+/// Number of whole time steps from the initial to the final time. Throws ModelError if they are too many to write.
+long count_steps(const InitialValueData& settings);
+
 /// Static equilibrium of a `model: static` deck, linearised there.
 LinearisedModel solve_static(const Deck& deck, const StaticOptions& options);
 
 /// The deck's state with consistent momenta, accelerations and reactions, linearised.
 LinearisedModel linearise(const Deck& deck, const LineariseOptions& options);
+
+/// The deck linearised at every time of its eigenanalysis card: at the initial state, the others on the way by the
+/// deck's integration method (IDA where there is none here). Times in one step give one model; times beyond the end
+/// give one there.
+std::vector<LinearisedModel> linearise_at_times(const Deck& deck, const LineariseOptions& options);
 
 /// Time history from the deck's state.
 Motion integrate(const Deck& deck, const IntegrateOptions& options);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -23,14 +24,78 @@ std::string amount(double value, const std::string& unit) {
 }  // namespace
 
 Model make_model(const Deck& deck) {
+  constexpr int kMostUnknowns = 5000;  // a dense matrix of that size has 200 MB
+  if (deck.nodes.empty()) throw ModelError("the deck has no nodes: there is nothing to analyse");
   try {
-    return Model(deck);
+    Model model(deck);
+    if (model.size() > kMostUnknowns) {
+      throw ModelError("the deck has " + std::to_string(model.size()) + " unknowns; the matrices here are dense, and " +
+                       std::to_string(kMostUnknowns) + " are the most they can have");
+    }
+    return model;
   } catch (const std::invalid_argument& error) {
     throw ModelError(error.what());
   }
 }
 
-void check_constraints(const Model& model, const State& state) {
+namespace {
+
+constexpr double kClosed = 1e-13;  // violation left at which closing stops [m, rad]
+constexpr int kClosingSteps = 30;
+// A constraint that follows from others at the closed configuration does so only nearly beside it.
+constexpr double kDependent = 1e-5;
+
+/// Constraint matrix by the variations of the nodes, 6 columns each. Rows at velocity level are zero without
+/// `velocities`.
+Eigen::MatrixXd constraint_matrix(const Model& model, const Equations& eq, bool velocities) {
+  const int first = model.reaction_start(), count = model.reaction_count();
+  Eigen::MatrixXd Phi(count, 6 * static_cast<Eigen::Index>(model.slots().size()));
+  for (std::size_t i = 0; i < model.slots().size(); ++i) {
+    Phi.middleCols<6>(6 * static_cast<Eigen::Index>(i)) = eq.g_y.block(first, model.slots()[i].first, count, 6);
+  }
+  for (const ConstraintEntry& entry : model.constraints()) {
+    for (int k = 0; k < entry.constraint->size(); ++k) {
+      if (!entry.constraint->velocity_level(k)) continue;
+      const int row = entry.constraint->first() + k;
+      Phi.row(row - first).setZero();
+      for (std::size_t i = 0; velocities && i < model.slots().size(); ++i) {
+        Phi.block<1, 6>(row - first, 6 * static_cast<Eigen::Index>(i)) =
+            eq.g_ydot.block<1, 6>(row, model.slots()[i].first);
+      }
+    }
+  }
+  return Phi;
+}
+
+/// Violations at position level; rows at velocity level are zero.
+Eigen::VectorXd position_error(const Model& model, const Equations& eq) {
+  const int first = model.reaction_start();
+  Eigen::VectorXd error = eq.g.tail(model.reaction_count());
+  for (const ConstraintEntry& entry : model.constraints()) {
+    for (int k = 0; k < entry.constraint->size(); ++k) {
+      if (entry.constraint->velocity_level(k)) error(entry.constraint->first() + k - first) = 0.0;
+    }
+  }
+  return error;
+}
+
+void note_worst(const Model& model, const Eigen::VectorXd& error, Correction* out) {
+  Eigen::Index worst = 0;
+  error.cwiseAbs().maxCoeff(&worst);
+  out->worst = model.reaction_start() + static_cast<int>(worst);
+  out->violation = error(worst);
+}
+
+}  // namespace
+
+Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> shortest_solution(const Eigen::MatrixXd& Phi) {
+  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> out;
+  out.setThreshold(kDependent);
+  out.compute(Phi);
+  return out;
+}
+
+void check_constraints(const Model& model, const State& state, bool velocities) {
   Equations eq;
   eq.clear(model.size(), false);
   model.add_reduced_constraints(state, eq, false);
@@ -55,7 +120,8 @@ void check_constraints(const Model& model, const State& state) {
   double value = 0.0;
   const int first = model.reaction_start(), count = model.reaction_count();
   if (count == 0) return;
-  const double violation = eq.g.tail(count).cwiseAbs().maxCoeff(&worst);
+  const Eigen::VectorXd error = velocities ? Eigen::VectorXd(eq.g.tail(count)) : position_error(model, eq);
+  const double violation = error.cwiseAbs().maxCoeff(&worst);
   if (!(violation <= kConstraintTolerance)) {
     value = eq.g(first + worst);
     throw ModelError(model.equation_title(first + worst) + " is violated by " +
@@ -63,6 +129,7 @@ void check_constraints(const Model& model, const State& state) {
                      amount(kConstraintTolerance, "") +
                      "allowed): correct the node positions and orientations or the joint's geometry");
   }
+  if (!velocities) return;
   const double speed = rates.rate.tail(count).cwiseAbs().maxCoeff(&worst);
   if (!(speed <= kConstraintTolerance)) {
     value = rates.rate(first + worst);
@@ -70,6 +137,91 @@ void check_constraints(const Model& model, const State& state) {
                      amount(value, model.equation_unit(first + worst) + "/s") +
                      ": give the nodes velocities that match, or a drive that starts with zero rate");
   }
+}
+
+Correction close_constraints(Model& model, State& state) {
+  Correction out;
+  if (model.reaction_count() == 0) return out;
+  const std::vector<NodeMotion> start = state.nodes;
+  const Eigen::Index moving = 6 * static_cast<Eigen::Index>(start.size());
+  Equations eq;
+  double before = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kClosingSteps; ++i) {
+    model.set_reference(state);
+    eq.clear(model.size(), true);
+    State unloaded = state;
+    unloaded.y.setZero();
+    model.add_reduced_constraints(unloaded, eq, true);
+    const Eigen::VectorXd error = position_error(model, eq);
+    if (i == 0) note_worst(model, error, &out);
+    out.left = error.cwiseAbs().maxCoeff();
+    if (!(out.left > kClosed) || out.left >= before) return out;  // closed, or as far as round-off lets it
+    before = out.left;
+    // The displacement from the start stays as short as it can: only what the constraints ask for.
+    Eigen::VectorXd gone(moving);
+    for (std::size_t k = 0; k < start.size(); ++k) {
+      gone.segment<3>(6 * static_cast<Eigen::Index>(k)) = state.nodes[k].x - start[k].x;
+      gone.segment<3>(6 * static_cast<Eigen::Index>(k) + 3) = rotation_log(state.nodes[k].R * start[k].R.transpose());
+    }
+    const Eigen::MatrixXd Phi = constraint_matrix(model, eq, false);
+    const Eigen::VectorXd step = -gone - shortest_solution(Phi).solve(error - Phi * gone);
+    out.moved = (gone + step).cwiseAbs().maxCoeff();
+    for (std::size_t k = 0; k < start.size(); ++k) {
+      state.nodes[k].x += step.segment<3>(6 * static_cast<Eigen::Index>(k));
+      state.nodes[k].R = rotation_exp(step.segment<3>(6 * static_cast<Eigen::Index>(k) + 3)) * state.nodes[k].R;
+    }
+  }
+  return out;
+}
+
+Correction match_velocities(const Model& model, State& state) {
+  Correction out;
+  if (model.reaction_count() == 0) return out;
+  Equations eq;
+  ConstraintRates rates;
+  const auto errors = [&](bool tangent) {
+    eq.clear(model.size(), tangent);
+    model.add_reduced_constraints(state, eq, tangent);
+    model.rates(state, rates, false);
+    return Eigen::VectorXd(rates.rate.tail(model.reaction_count()) + eq.g.tail(model.reaction_count()) -
+                           position_error(model, eq));
+  };
+  const Eigen::VectorXd error = errors(true);
+  note_worst(model, error, &out);
+  const Eigen::VectorXd change = shortest_solution(constraint_matrix(model, eq, true)).solve(error);
+  out.moved = change.cwiseAbs().maxCoeff();
+  for (std::size_t k = 0; k < state.nodes.size(); ++k) {
+    state.nodes[k].v -= change.segment<3>(6 * static_cast<Eigen::Index>(k));
+    state.nodes[k].w -= change.segment<3>(6 * static_cast<Eigen::Index>(k) + 3);
+  }
+  model.set_momenta(state);
+  out.left = errors(false).cwiseAbs().maxCoeff();
+  return out;
+}
+
+std::string violated(const Model& model, const Correction& correction, bool velocity) {
+  std::string unit = model.equation_unit(correction.worst);
+  if (velocity && unit.find("/s") == std::string::npos) unit += "/s";
+  return model.equation_title(correction.worst) + " is open by " + amount(correction.violation, unit);
+}
+
+State consistent_state(Model& model, std::vector<std::string>& notes) {
+  State state = model.initial_state();
+  model.set_reference(state);
+  const bool find_velocities = !model.deck().control.skip_initial_joint_assembly;
+  check_constraints(model, state, !find_velocities);
+  if (!find_velocities) return state;
+  State matched = state;
+  const Correction velocities = match_velocities(model, matched);
+  if (!(std::abs(velocities.violation) > kConstraintTolerance)) return state;
+  if (!(velocities.left <= kConstraintTolerance)) {
+    throw ModelError("the initial velocities violate the constraints: " + violated(model, velocities, true) +
+                     ", and there are none that satisfy all constraints: make the drives agree");
+  }
+  notes.push_back("the initial velocities violate the constraints: " + violated(model, velocities, true) +
+                  "; the nearest that do not violate them are used (changed by at most " +
+                  amount(velocities.moved, "m/s or rad/s") + ")");
+  return matched;
 }
 
 namespace {

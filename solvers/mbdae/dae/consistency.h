@@ -5,6 +5,10 @@
 
 #include <Eigen/Core>
 
+#include <string>
+#include <vector>
+
+#include "mbdae/dae/linear_algebra.h"
 #include "mbdae/model/model.h"
 
 namespace mbdae {
@@ -12,8 +16,34 @@ namespace mbdae {
 /// Largest violation that a deck's configuration [m, rad, -] or velocity [m/s, rad/s] may have.
 inline constexpr double kConstraintTolerance = 1e-6;
 
-/// Throws ModelError, naming joint, component and amount, if the state violates a constraint or its time derivative.
-void check_constraints(const Model& model, const State& state);
+/// Throws ModelError, naming joint, component and amount, if the state violates a constraint; with `velocities` also if
+/// it violates a time derivative.
+void check_constraints(const Model& model, const State& state, bool velocities = true);
+
+/// How far a state was from satisfying the constraints, and what was done about it.
+struct Correction {
+  int worst = -1;          ///< equation with the largest violation, -1 if there are no constraints
+  double violation = 0.0;  ///< of that equation, before
+  double left = 0.0;       ///< largest violation after the correction
+  double moved = 0.0;      ///< largest change of a position or rotation [m, rad] (velocity: [m/s, rad/s])
+};
+
+/// Solves Phi x = b with the shortest x, for constraint matrices near a configuration that satisfies the constraints:
+/// what is dependent there counts as dependent here.
+Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> shortest_solution(const Eigen::MatrixXd& Phi);
+
+/// Moves the nodes to the nearest configuration that closes the constraints, distances and angles counted alike.
+Correction close_constraints(Model& model, State& state);
+
+/// Changes the velocities as little as the constraints' rates ask for, momenta with them.
+Correction match_velocities(const Model& model, State& state);
+
+/// `constraint 1 of 3 of joint hinge (...) is open by 0.1 m` (velocity: `m/s`).
+std::string violated(const Model& model, const Correction& correction, bool velocity);
+
+/// The deck's state ready for an analysis: checks the constraints, and finds velocities that satisfy them where the
+/// deck's do not (unless it says `skip initial joint assembly`). Adds what it changed to `notes`.
+State consistent_state(Model& model, std::vector<std::string>& notes);
 
 /// Solves M a + B lambda = f, Phi a = -bias for accelerations and reactions; writes the reactions into state.y.
 ///

@@ -1,5 +1,3 @@
-// IDA at work on the equations of ida_equations.h.
-//
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/dae/ida.h"
 
@@ -16,22 +14,29 @@
 #include "mbdae/dae/dense_linear_solver.h"
 #include "mbdae/dae/ida_equations.h"
 #include "mbdae/dae/ida_scalars.h"
-#include "mbdae/dae/linear_algebra.h"
+#include "mbdae/dae/jumps.h"
 #include "mbdae/dae/recorder.h"
 
 namespace mbdae {
 
 namespace {
 
+using ida_detail::IdaIntegrator;
+using ida_detail::time_text;
+
 // Newton's iteration stops at this part of the local error test, so that constraints hold far better than the
 // tolerance; at tight tolerances round-off [relative to unity] sets the limit, and SUNDIALS' default is never exceeded.
 constexpr double kNewtonCoefficient = 1e-3, kRoundOff = 1e-14, kLooseNewton = 0.33;
+
+constexpr int kMostRestarts = 50;  // between two instants written, where constraints cease to be redundant
+
+constexpr double kNotQuite = 1e-10;  // violation at the start worth a word [m, rad]
 
 // First step as a part of the square root of the tolerance [s]: the first step is of first order, and IDA shortens it
 // where needed.
 constexpr double kFirstStep = 0.1;
 
-constexpr long kStepsPerOutput = 1000000;
+constexpr long kStepsPerOutput = 100000;
 
 struct IdaDeleter {
   void operator()(void* memory) const { IDAFree(&memory); }
@@ -41,13 +46,95 @@ void ignore_message(int, const char*, const char*, char*, void*) {}  // failures
 
 Eigen::Map<Eigen::VectorXd> view(const VectorPtr& vector, int size) { return {N_VGetArrayPointer(vector.get()), size}; }
 
+/// SUNDIALS' objects for one integration.
+class Ida {
+ public:
+  Ida(IdaIntegrator& equations, const InitialValueData& settings, const IntegrateOptions& options)
+      : equations_(equations), settings_(settings), options_(options), n_(equations.size()), context_(make_context()) {
+    for (VectorPtr* vector : {&y_, &ydot_, &id_, &tolerance_}) vector->reset(N_VNew_Serial(n_, context_.get()));
+    matrix_.reset(SUNDenseMatrix(n_, n_, context_.get()));
+    solver_ = make_dense_solver(context_.get(), false);
+    ida_.reset(IDACreate(context_.get()));
+    if (!y_ || !ydot_ || !id_ || !tolerance_ || !matrix_ || !ida_) throw std::bad_alloc();
+  }
+
+  /// Starts, again or for the first time, at time t from the equations' state.
+  void start(double t) {
+    equations_.start(equations_.accelerations(), view(y_, n_), view(ydot_, n_), view(id_, n_), options_.atol,
+                     view(tolerance_, n_));
+    const int flag = started_ ? IDAReInit(ida_.get(), t, y_.get(), ydot_.get())
+                              : IDAInit(ida_.get(), IdaIntegrator::residual, t, y_.get(), ydot_.get());
+    if (flag != IDA_SUCCESS) throw std::bad_alloc();
+    if (!started_) set_up();
+    started_ = true;
+    IDASetInitStep(ida_.get(), std::min(settings_.time_step, kFirstStep * std::sqrt(options_.rtol)));
+  }
+
+  /// Goes on to `target`, but not beyond `stop`. Returns SUNDIALS' flag.
+  int advance(double target, double stop) {
+    IDASetStopTime(ida_.get(), stop);
+    return IDASolve(ida_.get(), target, &t_, y_.get(), ydot_.get(), IDA_NORMAL);
+  }
+
+  double t() const { return t_; }
+  Eigen::Map<const Eigen::VectorXd> y() const { return {N_VGetArrayPointer(y_.get()), n_}; }
+
+  [[noreturn]] void fail(int flag) {
+    const Eigen::Map<const Eigen::VectorXd> speeds(N_VGetArrayPointer(ydot_.get()), n_);
+    if (flag == IDA_TOO_MUCH_WORK) {
+      throw NotConverged(
+          "time integration stopped at t = " + time_text(t_) + " s: " + std::to_string(kStepsPerOutput) +
+          " steps did not reach the next instant to write; loosen the tolerances, or integrate with `ms`");
+    }
+    const std::string where = equations_.worst_equation(t_, y(), speeds);
+    const std::unique_ptr<char, void (*)(void*)> name(IDAGetReturnFlagName(flag), std::free);
+    throw NotConverged("time integration stopped at t = " + time_text(t_) + " s (" + name.get() + "): " + where +
+                       "; loosen the tolerances, or look for a motion that the joints do not allow");
+  }
+
+ private:
+  void set_up() {
+    if (IDASVtolerances(ida_.get(), options_.rtol, tolerance_.get()) != IDA_SUCCESS ||
+        IDASetUserData(ida_.get(), &equations_) != IDA_SUCCESS || IDASetId(ida_.get(), id_.get()) != IDA_SUCCESS ||
+        IDASetSuppressAlg(ida_.get(), SUNTRUE) != IDA_SUCCESS ||
+        IDASetLinearSolver(ida_.get(), solver_.get(), matrix_.get()) != IDA_SUCCESS ||
+        IDASetJacFn(ida_.get(), IdaIntegrator::jacobian) != IDA_SUCCESS) {
+      throw std::bad_alloc();
+    }
+    IDASetErrHandlerFn(ida_.get(), ignore_message, nullptr);
+    IDASetNonlinConvCoef(
+        ida_.get(), std::clamp(kRoundOff / std::min(options_.rtol, options_.atol), kNewtonCoefficient, kLooseNewton));
+    IDASetMaxNumSteps(ida_.get(), kStepsPerOutput);
+  }
+
+  IdaIntegrator& equations_;
+  const InitialValueData& settings_;
+  const IntegrateOptions& options_;
+  int n_;
+  ContextPtr context_;
+  VectorPtr y_, ydot_, id_, tolerance_;
+  MatrixPtr matrix_;
+  SolverPtr solver_;
+  std::unique_ptr<void, IdaDeleter> ida_;
+  bool started_ = false;
+  double t_ = 0.0;
+};
+
+std::string off_text(const Model& model, const Correction& positions, const std::string& before,
+                     const std::string& after) {
+  std::ostringstream out;
+  out.precision(3);
+  out << before << violated(model, positions, false) << after << positions.moved << " m or rad";
+  return out.str();
+}
+
 }  // namespace
 
-Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& accelerations,
-                     const InitialValueData& settings, const IntegrateOptions& options) {
+Motion integrate_ida(Model& model, const State& state, const InitialValueData& settings,
+                     const IntegrateOptions& options, const AtInstant& at_instant) {
   for (const ConstraintEntry& entry : model.constraints()) {
     if (const std::string why = entry.constraint->no_variable_step(); !why.empty()) {
-      throw ModelError("joint " + joint_title(*entry.data) + " " + why);
+      throw ModelError(joint_title(*entry.data) + " " + why);
     }
   }
   if (model.scalar_count() > 0) {
@@ -56,60 +143,74 @@ Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& ac
     if (modal) {
       throw ModelError("IDA has no equations for modal joints beside abstract nodes or friction: integrate with `ms`");
     }
-    return integrate_ida_with_scalars(model, state, accelerations, settings, options);
+    if (at_instant) {
+      throw ModelError(
+          "IDA does not stop on the way in a deck with abstract nodes, genels or friction: give a method " +
+          std::string("that is here, `ms`"));
+    }
+    count_steps(settings);
+    State start = state;
+    const Eigen::VectorXd accelerations = solve_accelerations(model, start);
+    return integrate_ida_with_scalars(model, start, accelerations, settings, options);
   }
-  IdaIntegrator equations(model, state);
-  const int n = equations.size();
-  const ContextPtr context = make_context();
-  const VectorPtr y(N_VNew_Serial(n, context.get())), ydot(N_VNew_Serial(n, context.get())),
-      id(N_VNew_Serial(n, context.get())), tolerance(N_VNew_Serial(n, context.get()));
-  const MatrixPtr matrix(SUNDenseMatrix(n, n, context.get()));
-  const SolverPtr solver = make_dense_solver(context.get(), false);
-  const std::unique_ptr<void, IdaDeleter> ida(IDACreate(context.get()));
-  if (!y || !ydot || !id || !tolerance || !matrix || !ida) throw std::bad_alloc();
-
-  equations.start(accelerations, view(y, n), view(ydot, n), view(id, n), options.atol, view(tolerance, n));
   const double t0 = settings.initial_time, h = settings.time_step;
-  if (IDAInit(ida.get(), IdaIntegrator::residual, t0, y.get(), ydot.get()) != IDA_SUCCESS ||
-      IDASVtolerances(ida.get(), options.rtol, tolerance.get()) != IDA_SUCCESS ||
-      IDASetUserData(ida.get(), &equations) != IDA_SUCCESS || IDASetId(ida.get(), id.get()) != IDA_SUCCESS ||
-      IDASetSuppressAlg(ida.get(), SUNTRUE) != IDA_SUCCESS ||
-      IDASetLinearSolver(ida.get(), solver.get(), matrix.get()) != IDA_SUCCESS ||
-      IDASetJacFn(ida.get(), IdaIntegrator::jacobian) != IDA_SUCCESS) {
-    throw std::bad_alloc();
+  const long steps = count_steps(settings);
+  const std::vector<Jump> jumps = find_jumps(model.deck().pieced_drives, settings);
+  std::size_t next_jump = 0;
+  std::vector<std::string> notes;
+
+  IdaIntegrator equations(model, state);
+  double from = t0;  // where the drives' present piece begins
+  if (!jumps.empty() && jumps.front().before <= t0) from = jumps[next_jump++].after;
+  const auto stop = [&] { return next_jump < jumps.size() ? jumps[next_jump].before : settings.final_time; };
+  equations.set_piece(from, stop());
+  const Correction open = equations.settle(t0);
+  const bool closed = std::abs(open.violation) > kNotQuite;
+  if (closed) {
+    notes.push_back(off_text(
+        model, open, "the joints do not quite meet at the start: ", "; the nodes were moved to close it, by at most "));
   }
-  IDASetErrHandlerFn(ida.get(), ignore_message, nullptr);
-  IDASetNonlinConvCoef(ida.get(),
-                       std::clamp(kRoundOff / std::min(options.rtol, options.atol), kNewtonCoefficient, kLooseNewton));
-  IDASetInitStep(ida.get(), std::min(h, kFirstStep * std::sqrt(options.rtol)));
-  IDASetMaxNumSteps(ida.get(), kStepsPerOutput);
-  IDASetStopTime(ida.get(), settings.final_time);
+  Ida ida(equations, settings, options);
+  ida.start(t0);
+  double started = t0;
+  int restarts = 0;  // since the last instant written
 
   MotionRecorder recorder(model, options.channels);
-  recorder.record(state);
-  const auto steps = static_cast<long>(std::floor((settings.final_time - t0) / h + 1e-6));
-  for (long k = options.output_every;; k += options.output_every) {
+  recorder.record(closed ? equations.state() : state, t0);
+  for (long k = options.output_every; steps > 0; k += options.output_every, restarts = 0) {
     if (k > steps) {
       if (k - options.output_every == steps) break;
       k = steps;  // the last instant is always written
     }
-    double t = t0;
     const double target = std::min(t0 + static_cast<double>(k) * h, settings.final_time);
-    const int flag = IDASolve(ida.get(), target, &t, y.get(), ydot.get(), IDA_NORMAL);
-    const Eigen::Map<const Eigen::VectorXd> values(N_VGetArrayPointer(y.get()), n);
-    if (flag < 0) {
-      const Eigen::Map<const Eigen::VectorXd> speeds(N_VGetArrayPointer(ydot.get()), n);
-      std::ostringstream out;
-      const std::unique_ptr<char, void (*)(void*)> name(IDAGetReturnFlagName(flag), std::free);
-      out << "time integration stopped at t = " << t << " s (" << name.get()
-          << "): " << equations.worst_equation(t, values, speeds)
-          << "; loosen the tolerances, or look for a motion that the joints do not allow";
-      throw NotConverged(out.str());
+    bool written = false;
+    while (!written) {
+      const int flag = ida.advance(target, std::min(stop(), settings.final_time));
+      const bool at_jump = flag >= 0 && next_jump < jumps.size() && ida.t() >= jumps[next_jump].before;
+      if (flag < 0 && (flag == IDA_TOO_MUCH_WORK || !(ida.t() > started) || ++restarts > kMostRestarts)) ida.fail(flag);
+      // The instant of a jump is the one before it.
+      written = flag >= 0 && (!at_jump || target <= jumps[next_jump].after);
+      if (written) recorder.record(equations.output(target, ida.y()), target);
+      if (flag >= 0 && !at_jump && !equations.stale()) break;
+      equations.state_of(ida.t(), ida.y());
+      started = ida.t();
+      if (at_jump) {
+        started = jumps[next_jump++].after;
+        equations.set_piece(started, stop());
+      }
+      const Correction moved = equations.settle(started);
+      if (at_jump && std::abs(moved.violation) > kConstraintTolerance) {
+        notes.push_back(off_text(model, moved, "at t = " + time_text(started) + " s a drive jumps: ",
+                                 "; the nodes were moved at once to close it, by at most "));
+      }
+      ida.start(started);
     }
-    recorder.record(equations.output(t, values));
-    if (options.progress) options.progress(t);
+    if (options.progress) options.progress(target);
+    if (at_instant && !at_instant(equations.state())) break;
   }
-  return recorder.take();
+  Motion motion = recorder.take();
+  motion.notes = std::move(notes);
+  return motion;
 }
 
 }  // namespace mbdae

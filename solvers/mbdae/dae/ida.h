@@ -8,8 +8,11 @@
 
 namespace mbdae {
 
-/// Time history from a consistent state. `accelerations`: 6 per node, as solve_accelerations returns them.
-Motion integrate_ida(Model& model, const State& state, const Eigen::VectorXd& accelerations,
-                     const InitialValueData& settings, const IntegrateOptions& options);
+/// Time history from a state that satisfies the constraints to kConstraintTolerance.
+///
+/// Where drives jump, the integration ends and starts again behind the jump; it also starts again where the constraints
+/// that were left out as redundant at its start cease to be.
+Motion integrate_ida(Model& model, const State& state, const InitialValueData& settings,
+                     const IntegrateOptions& options, const AtInstant& at_instant = {});
 
 }  // namespace mbdae

@@ -1,6 +1,8 @@
-// The unknowns of IDA, in this order: per node x, quaternion (7), then modal displacements; per node v, w (6), then
-// modal velocities; reactions lambda; multipliers mu that keep position and velocity constraints both satisfied (Gear,
-// Gupta and Leimkuhler 1985). Equations: docs/theory/integration.md.
+// What IDA integrates: unknowns, residual and Jacobian of the stabilised index-2 equations.
+//
+// The unknowns, in this order: per node x, quaternion (7); per node v, w (6); reactions lambda; multipliers mu that
+// keep position and velocity constraints both satisfied (Gear, Gupta and Leimkuhler 1985). Equations:
+// docs/theory/integration.md.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -9,22 +11,34 @@
 #include <nvector/nvector_serial.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "mbdae/dae/analyses.h"
+#include "mbdae/dae/consistency.h"
 #include "mbdae/dae/linear_algebra.h"
-#include "mbdae/model/model.h"
 
 namespace mbdae {
+
+namespace ida_detail {
 
 // Absolute tolerance of reactions [N, N m] and multipliers [m/s, rad/s]. They are algebraic: no local error is
 // estimated for them, and in Newton's iteration they are as exact as the motion; a tight tolerance would only hold it
 // up at very short steps, where round-off in the constraints divided by the step shows in them.
-inline constexpr double kMultiplierTolerance = 0.1;
+constexpr double kMultiplierTolerance = 0.1;
 
-inline constexpr double kRedundant =
-    1e-9;  // relative size of a constraint's independent part below which it is redundant
+constexpr double kSmallerPart = 0.3;  // of what the constraints left out had in the dependencies: choose again below it
+constexpr int kMostPasses = 10;       // of putting an instant back on the constraints
+
+constexpr double kRedundant = 1e-7;  // relative size of a constraint's independent part below which it is redundant
+
+constexpr double kForever = std::numeric_limits<double>::infinity();
 
 using Mat43 = Eigen::Matrix<double, 4, 3>;
 using Mat34 = Eigen::Matrix<double, 3, 4>;
@@ -53,6 +67,12 @@ inline Eigen::Matrix4d quaternion_rates_derivative(const Vec3& u) {
   return L;
 }
 
+inline std::string time_text(double t) {
+  std::ostringstream out;
+  out << t;
+  return out.str();
+}
+
 class IdaIntegrator {
  public:
   IdaIntegrator(Model& model, const State& state) : model_(model), state_(state) {
@@ -70,10 +90,45 @@ class IdaIntegrator {
             entry.constraint->velocity_level(k);
       }
     }
-    find_redundant();
   }
 
   int size() const { return size_; }
+  const State& state() const { return state_; }
+  // True if the last output found that the constraints that follow from the others are to be chosen again.
+  bool stale() const { return stale_; }
+
+  // Drives are evaluated within these times only: on this side of their jumps.
+  void set_piece(double from, double to) {
+    from_ = from;
+    to_ = std::max(from, to);
+  }
+
+  // Puts the present motion on the constraints as they are just behind t, and finds which of them are redundant there.
+  // The nodes' velocities change as little as the constraints ask for.
+  Correction settle(double t) {
+    state_.t = std::clamp(t, from_, to_);
+    Correction positions = close_constraints(model_, state_);
+    if (positions.worst >= 0) {
+      if (!(positions.left <= kConstraintTolerance)) {
+        throw NotConverged(
+            "at t = " + time_text(t) + " s " + violated(model_, positions, false) +
+            ", and no position closes it: it contradicts the other constraints; remove a redundant constraint or "
+            "make the drives agree");
+      }
+      match_velocities(model_, state_);
+    }
+    find_redundant();
+    stale_ = false;
+    return positions;
+  }
+
+  Eigen::VectorXd accelerations() {
+    try {
+      return solve_accelerations(model_, state_);
+    } catch (const ModelError& error) {
+      throw NotConverged("at t = " + time_text(state_.t) + " s " + error.what());
+    }
+  }
 
   // Initial values, rates, and which unknowns are differential.
   void start(const Eigen::VectorXd& accelerations, Eigen::Ref<Eigen::VectorXd> y, Eigen::Ref<Eigen::VectorXd> ydot,
@@ -109,7 +164,7 @@ class IdaIntegrator {
 
   // IDA's unknowns into node motions and reactions.
   const State& state_of(double t, const Eigen::Map<const Eigen::VectorXd>& y) {
-    state_.t = t;
+    state_.t = std::clamp(t, from_, to_);
     for (int i = 0; i < nodes_; ++i) {
       NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
       node.x = y.segment<3>(pose(i));
@@ -132,10 +187,14 @@ class IdaIntegrator {
   // (shortest correction); redundant constraints share their load with the smallest norm.
   const State& output(double t, const Eigen::Map<const Eigen::VectorXd>& y) {
     state_of(t, y);
-    if (reactions_ == 0) return state_;
+    if (reactions_ == 0) {
+      model_.set_momenta(state_);
+      return state_;
+    }
     const int first = model_.reaction_start();
     Eigen::MatrixXd Phi(reactions_, motions_), B(motions_, reactions_);
-    for (int pass = 0; pass < 2; ++pass) {
+    double open = 1.0;
+    for (int pass = 0; pass < 2 || (pass < kMostPasses && open > kConstraintTolerance); ++pass) {
       eq_.clear(model_.size(), true);
       model_.add_constraints(state_, eq_, true);
       gather(Phi, B);
@@ -143,7 +202,8 @@ class IdaIntegrator {
       for (int k = 0; k < reactions_; ++k) {
         if (velocity_level_[static_cast<std::size_t>(k)]) error(k) = 0.0;
       }
-      const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> inverse(Phi);
+      open = error.cwiseAbs().maxCoeff();
+      const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> inverse = shortest_solution(Phi);
       const Eigen::VectorXd step = inverse.solve(error);
       for (int i = 0; i < nodes_; ++i) {
         NodeMotion& node = state_.nodes[static_cast<std::size_t>(i)];
@@ -164,9 +224,12 @@ class IdaIntegrator {
       }
       add_to_modes(-change, true);
     }
+    stale_ = misses(Phi);
+    check_agreement();
     if (!redundant_.empty()) {
       state_.y.tail(reactions_) = B.completeOrthogonalDecomposition().solve(B * state_.y.tail(reactions_)).eval();
     }
+    model_.set_momenta(state_);
     return state_;
   }
 
@@ -246,18 +309,58 @@ class IdaIntegrator {
     }
   }
 
-  // Constraints that follow from the others: left out of the equations, their reactions zero.
+  // Constraints that are left out as redundant must go on following from the others.
+  void check_agreement() {
+    if (redundant_.empty()) return;
+    eq_.clear(model_.size(), false);
+    model_.add_constraints(state_, eq_, false);
+    int worst = 0;
+    const double error = eq_.g.tail(reactions_).cwiseAbs().maxCoeff(&worst);
+    if (error <= kConstraintTolerance) return;
+    const int row = model_.reaction_start() + worst;
+    std::ostringstream out;
+    out << "at t = " << time_text(state_.t) << " s " << model_.equation_title(row)
+        << " contradicts the other constraints: the position nearest to all of them leaves " << eq_.g(row) << " "
+        << model_.equation_unit(row) << " of it open; remove a redundant constraint or make the drives agree";
+    throw NotConverged(out.str());
+  }
+
+  // Combinations of constraints that are always satisfied: an orthonormal basis, one column each.
+  static Eigen::MatrixXd dependencies(const Eigen::MatrixXd& Phi) {
+    Eigen::FullPivLU<Eigen::MatrixXd> lu(Phi.transpose());
+    lu.setThreshold(kRedundant);
+    const Eigen::Index count = lu.dimensionOfKernel();
+    if (count == 0) return Eigen::MatrixXd(Phi.rows(), 0);
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(lu.kernel());
+    return qr.householderQ() * Eigen::MatrixXd::Identity(Phi.rows(), count);
+  }
+
+  // Constraints that follow from the others: left out of the equations, their reactions zero. Those with the largest
+  // part in the dependencies, so that the others stay independent as long as can be.
   void find_redundant() {
+    redundant_.clear();
     if (reactions_ == 0) return;
     eq_.clear(model_.size(), true);
     model_.add_constraints(state_, eq_, true);
     Eigen::MatrixXd Phi(reactions_, motions_), B(motions_, reactions_);
     gather(Phi, B);
-    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(Phi.transpose());
-    qr.setThreshold(kRedundant);
-    for (Eigen::Index k = qr.rank(); k < reactions_; ++k) {
-      redundant_.push_back(qr.colsPermutation().indices()(k));
-    }
+    const Eigen::MatrixXd basis = dependencies(Phi);
+    if (basis.cols() == 0) return;
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(basis.transpose());
+    for (Eigen::Index k = 0; k < basis.cols(); ++k) redundant_.push_back(qr.colsPermutation().indices()(k));
+    part_ = std::abs(qr.matrixQR()(basis.cols() - 1, basis.cols() - 1));
+  }
+
+  // True if the constraints left out have become the wrong ones at the configuration with this matrix.
+  bool misses(const Eigen::MatrixXd& Phi) const {
+    if (redundant_.empty()) return false;
+    const Eigen::MatrixXd basis = dependencies(Phi);
+    const auto count = static_cast<Eigen::Index>(redundant_.size());
+    if (basis.cols() != count) return basis.cols() < count;
+    Eigen::MatrixXd chosen(count, count);
+    for (Eigen::Index k = 0; k < count; ++k) chosen.row(k) = basis.row(redundant_[static_cast<std::size_t>(k)]);
+    return Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(chosen).matrixQR().diagonal().cwiseAbs().minCoeff() <
+           kSmallerPart * part_;
   }
 
   void evaluate(double t, const Eigen::Map<const Eigen::VectorXd>& y, const Eigen::Map<const Eigen::VectorXd>& ydot,
@@ -442,8 +545,13 @@ class IdaIntegrator {
   Equations eq_;
   ConstraintRates rates_;
   std::vector<bool> velocity_level_;
-  std::vector<int> redundant_;  // constraints, counted from the first reaction
+  std::vector<int> redundant_;               // constraints, counted from the first reaction
+  double part_ = 1.0;                        // that they have in the dependencies, at least
+  bool stale_ = false;                       // others should be left out
+  double from_ = -kForever, to_ = kForever;  // times that drives are evaluated at
   int nodes_ = 0, reactions_ = 0, motions_ = 0, velocity_ = 0, lambda_ = 0, mu_ = 0, size_ = 0;
 };
+
+}  // namespace ida_detail
 
 }  // namespace mbdae

@@ -408,7 +408,7 @@ Motion integrate_ida_with_scalars(Model& model, const State& state, const Eigen:
                                   const InitialValueData& settings, const IntegrateOptions& options) {
   for (const ConstraintEntry& entry : model.constraints()) {
     if (const std::string why = entry.constraint->no_variable_step(); !why.empty()) {
-      throw ModelError("joint " + joint_title(*entry.data) + " " + why);
+      throw ModelError(joint_title(*entry.data) + " " + why);
     }
   }
   ScalarEquations equations(model, state);
@@ -443,7 +443,7 @@ Motion integrate_ida_with_scalars(Model& model, const State& state, const Eigen:
   IDASetStopTime(ida.get(), settings.final_time);
 
   MotionRecorder recorder(model, options.channels);
-  recorder.record(state);
+  recorder.record(state, state.t);
   model.accept(state);
   const auto steps = static_cast<long>(std::floor((settings.final_time - t0) / h + 1e-6));
   for (long k = options.output_every; steps > 0; k += options.output_every) {
@@ -477,7 +477,7 @@ Motion integrate_ida_with_scalars(Model& model, const State& state, const Eigen:
     }
     const State& now = equations.output(t, equations.view(y.get()), equations.view(ydot.get()));
     model.accept(now);
-    recorder.record(now);
+    recorder.record(now, now.t);
     if (options.progress) options.progress(t);
   }
   return recorder.take();

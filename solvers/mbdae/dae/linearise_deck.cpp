@@ -2,6 +2,8 @@
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "mbdae/dae/analyses.h"
 #include "mbdae/dae/consistency.h"
@@ -34,9 +36,8 @@ void impose(const Model& model, const Eigen::VectorXd& file, State& state) {
 
 LinearisedModel linearise(const Deck& deck, const LineariseOptions& options) {
   Model model = make_model(deck);
-  State state = model.initial_state();
-  model.set_reference(state);
-  check_constraints(model, state);
+  std::vector<std::string> notes;
+  State state = consistent_state(model, notes);
   Eigen::VectorXd accelerations;
   if (options.state) {
     if (options.state->size() != model.size()) {
@@ -49,7 +50,10 @@ LinearisedModel linearise(const Deck& deck, const LineariseOptions& options) {
   } else {
     accelerations = solve_accelerations(model, state);
   }
-  return linearise_at_state(model, state, options.c.value_or(deck_coefficient(deck)), "linearise", accelerations);
+  LinearisedModel out =
+      linearise_at_state(model, state, options.c.value_or(deck_coefficient(deck)), "linearise", accelerations);
+  out.notes = std::move(notes);
+  return out;
 }
 
 }  // namespace mbdae

@@ -58,8 +58,9 @@ struct LinearisedModel {
   std::vector<NodeState> nodes;
   std::vector<JointInfo> joints;  ///< those with unknowns, deck order
   std::vector<MuscleState> muscles;
-  int iterations = 0;          ///< of the static equilibrium
-  double residual_norm = 0.0;  ///< 2-norm of equilibrium_residual
+  int iterations = 0;              ///< of the static equilibrium
+  double residual_norm = 0.0;      ///< 2-norm of equilibrium_residual
+  std::vector<std::string> notes;  ///< what a person should know about the result
 };
 
 /// A time history: one row of `data` per instant, one column per channel.
@@ -67,6 +68,7 @@ struct Motion {
   std::vector<double> time;         ///< [s]
   std::vector<InputInfo> channels;  ///< name (`lever.gz`, `grip_l.reaction[1]`, `muscle[delt1_l].force`) and unit
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> data;
+  std::vector<std::string> notes;  ///< what a person should know about the result
 };
 
 }  // namespace mbdae

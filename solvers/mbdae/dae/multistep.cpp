@@ -52,6 +52,9 @@ class Stepper {
     next.state.t = last.state.t + h;
 
     // Rates of the last two instants in the rotation chart about the last one, and what the formula takes from them.
+    // The rotation itself is counted from the orientation and angular velocity predicted there: next = Rd(g) R_p, w =
+    // G(g) g' + Rd(g) w_p with g = h b0 g', as MBDyn does.
+    predicted_.resize(static_cast<std::size_t>(nodes));
     Eigen::VectorXd older_rate = older.rate;
     Eigen::VectorXd known = Eigen::VectorXd::Zero(n);  // y_k - h b0 y'_k
     for (int i = 0; i < nodes; ++i) {
@@ -62,7 +65,8 @@ class Stepper {
       const Vec3 turned = cayley_parameters(o.R * l.R.transpose());
       older_rate.segment<3>(g) = cayley_tangent(turned).inverse() * o.w;
       known.segment<3>(x) = formula.a1 * l.x + formula.a2 * o.x;
-      known.segment<3>(g) = formula.a2 * turned;
+      predicted_[static_cast<std::size_t>(i)] =
+          predicted(formula, l, turned, older_rate.segment<3>(g), h, last.state.t - older.state.t);
       if (slot.has_rates()) {
         known.segment<6>(slot.force) =
             formula.a1 * last.state.y.segment<6>(slot.force) + formula.a2 * older.state.y.segment<6>(slot.force);
@@ -72,12 +76,14 @@ class Stepper {
       if (!model_.algebraic(k)) known(k) = formula.a1 * last.state.y(k) + formula.a2 * older.state.y(k);
     }
     known += h * (formula.b1 * last.rate + formula.b2 * older_rate);
+    for (const NodeSlot& slot : model_.slots()) known.segment<3>(slot.first + 3).setZero();
 
     // Predictor: rates continue on the line through the last two.
     const double spacing = last.state.t - older.state.t;
     Eigen::VectorXd rate = last.rate;
     if (spacing > 0.0) rate += (h / spacing) * (last.rate - older_rate);
     rate.tail(model_.reaction_count()).setZero();
+    for (const NodeSlot& slot : model_.slots()) rate.segment<3>(slot.first + 3).setZero();
 
     const double c = h * formula.b0;
     double norm = 0.0;
@@ -85,7 +91,7 @@ class Stepper {
     bool renew = !lu_ || std::abs(lu_c_ - c) > kSameStep * c;
     bool kept = false;  // the last correction came from kept factors
     for (int iteration = 0; iteration <= settings_.max_iterations; ++iteration) {
-      apply(last.state, known + c * rate, rate, next.state);
+      apply(known + c * rate, rate, next.state);
       model_.assemble(next.state, eq_, renew);
       const int first = model_.reaction_start(), count = model_.reaction_count();
       const double previous = norm;
@@ -128,10 +134,17 @@ class Stepper {
     int worst = 0;
     eq_.g.cwiseAbs().maxCoeff(&worst);
     std::ostringstream out;
-    out << "time step to t = " << next.state.t << " s did not converge in " << settings_.max_iterations
-        << " iterations (residual " << norm << ", wanted " << settings_.tolerance
-        << "): " << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " " << model_.equation_unit(worst)
-        << "; use a shorter time step";
+    out << "time step to t = " << next.state.t << " s did not converge";
+    if (std::isfinite(norm)) {
+      out << " in " << settings_.max_iterations << " iterations (residual " << norm << ", wanted "
+          << settings_.tolerance << "): " << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " "
+          << model_.equation_unit(worst);
+    } else {
+      Eigen::Index first = 0;
+      while (first + 1 < eq_.g.size() && std::isfinite(eq_.g(first))) ++first;
+      out << ": " << model_.equation_title(static_cast<int>(first)) << " has no finite value";
+    }
+    out << "; use a shorter time step";
     throw NotConverged(out.str());
   }
 
@@ -158,15 +171,37 @@ class Stepper {
     return delta;
   }
 
-  // Unknowns about the reference pose to motions of the nodes, momenta, states and their rates.
-  void apply(const State& reference, const Eigen::VectorXd& y, const Eigen::VectorXd& rate, State& out) const {
+  /// Orientation and angular velocity that a node's rotation increments are counted from.
+  struct Predicted {
+    Mat3 R;
+    Vec3 w;
+  };
+
+  // The rate goes on along the cubic through the last two instants, h after them; a first or one-step formula has the
+  // last rate. The formula then gives the rotation.
+  static Predicted predicted(const MultistepCoefficients& formula, const NodeMotion& last, const Vec3& turned,
+                             const Vec3& older_rate, double h, double spacing) {
+    Vec3 rate = last.w;
+    const bool two_step = formula.a2 != 0.0 || formula.b2 != 0.0;
+    if (two_step && spacing > 0.0) {
+      const double a = h / spacing;
+      rate = (6.0 * a * (1.0 + a) / spacing) * turned + (1.0 + 4.0 * a + 3.0 * a * a) * last.w +
+             a * (2.0 + 3.0 * a) * older_rate;
+    }
+    const Vec3 g = formula.a2 * turned + h * (formula.b0 * rate + formula.b1 * last.w + formula.b2 * older_rate);
+    return {cayley_rotation(g) * last.R, cayley_tangent(g) * rate};
+  }
+
+  // Unknowns about the predicted pose to motions of the nodes, momenta and their rates.
+  void apply(const Eigen::VectorXd& y, const Eigen::VectorXd& rate, State& out) const {
     for (std::size_t i = 0; i < out.nodes.size(); ++i) {
       const NodeSlot& slot = model_.slots()[i];
       const Vec3 g = y.segment<3>(slot.first + 3);
       out.nodes[i].x = y.segment<3>(slot.first);
       out.nodes[i].v = rate.segment<3>(slot.first);
-      out.nodes[i].R = cayley_rotation(g) * reference.nodes[i].R;
-      out.nodes[i].w = cayley_tangent(g) * rate.segment<3>(slot.first + 3);
+      const Mat3 turn = cayley_rotation(g);
+      out.nodes[i].R = turn * predicted_[i].R;
+      out.nodes[i].w = cayley_tangent(g) * rate.segment<3>(slot.first + 3) + turn * predicted_[i].w;
       if (slot.has_rates()) {
         out.y.segment<6>(slot.force) = y.segment<6>(slot.force);
         out.ydot.segment<6>(slot.force) = rate.segment<6>(slot.force);
@@ -181,13 +216,16 @@ class Stepper {
 
   // Columns of rotations from variations (dphi, dw) to increments (dg, dgdot).
   void to_chart(const Eigen::VectorXd& y, const Eigen::VectorXd& rate) {
-    for (const NodeSlot& slot : model_.slots()) {
-      const int g = slot.first + 3;
+    for (std::size_t i = 0; i < model_.slots().size(); ++i) {
+      const int g = model_.slots()[i].first + 3;
       const Vec3 increment = y.segment<3>(g);
       const Mat3 G = cayley_tangent(increment);
-      eq_.g_y.middleCols<3>(g) = (eq_.g_y.middleCols<3>(g) * G +
-                                  eq_.g_ydot.middleCols<3>(g) * cayley_rate_derivative(increment, rate.segment<3>(g)))
-                                     .eval();
+      const Mat3 carried =
+          skew(cayley_rotation(increment) * predicted_[i].w) * G;  // the predicted velocity turns along
+      eq_.g_y.middleCols<3>(g) =
+          (eq_.g_y.middleCols<3>(g) * G +
+           eq_.g_ydot.middleCols<3>(g) * (cayley_rate_derivative(increment, rate.segment<3>(g)) - carried))
+              .eval();
       eq_.g_ydot.middleCols<3>(g) = (eq_.g_ydot.middleCols<3>(g) * G).eval();
     }
   }
@@ -197,6 +235,7 @@ class Stepper {
   Equations eq_;
   std::optional<Eigen::PartialPivLU<Eigen::MatrixXd>> lu_;  // of the last matrix that was factorised
   double lu_c_ = 0.0;                                       // h b0 that it was made with
+  std::vector<Predicted> predicted_;                        // one per node
 };
 
 }  // namespace
@@ -208,13 +247,13 @@ MultistepCoefficients multistep_coefficients(double rho) {
 }
 
 Motion integrate_multistep(Model& model, const State& state, const InitialValueData& settings,
-                           const IntegrateOptions& options) {
+                           const IntegrateOptions& options, const AtInstant& at_instant) {
   const bool two_step = settings.method == MethodKind::ms;
   const MultistepCoefficients regular = two_step ? multistep_coefficients(settings.rho)
                                         : settings.method == MethodKind::implicit_euler ? kImplicitEuler
                                                                                         : kCrankNicolson;
   MotionRecorder recorder(model, options.channels);
-  recorder.record(state);
+  recorder.record(state, state.t);
 
   model.accept(state);
   Instant last{state, state.ydot};
@@ -226,7 +265,7 @@ Motion integrate_multistep(Model& model, const State& state, const InitialValueD
 
   Stepper stepper(model, settings);
   const double t0 = settings.initial_time, h = settings.time_step;
-  const auto steps = static_cast<long>(std::floor((settings.final_time - t0) / h + 1e-6));
+  const long steps = count_steps(settings);
   for (long k = 1; k <= steps; ++k) {
     // The first step of the two-step formula is a Crank-Nicolson step.
     Instant next = stepper.step(older, last, t0 + static_cast<double>(k) * h - last.state.t,
@@ -234,8 +273,9 @@ Motion integrate_multistep(Model& model, const State& state, const InitialValueD
     older = std::move(last);
     last = std::move(next);
     model.accept(last.state);
-    if (k % options.output_every == 0 || k == steps) recorder.record(last.state);
+    if (k % options.output_every == 0 || k == steps) recorder.record(last.state, last.state.t);
     if (options.progress) options.progress(last.state.t);
+    if (at_instant && !at_instant(last.state)) break;
   }
   return recorder.take();
 }

@@ -18,6 +18,6 @@ MultistepCoefficients multistep_coefficients(double rho);
 
 /// Time history by the deck's method from a consistent state (accelerations in `state.ydot`).
 Motion integrate_multistep(Model& model, const State& state, const InitialValueData& settings,
-                           const IntegrateOptions& options);
+                           const IntegrateOptions& options, const AtInstant& at_instant = {});
 
 }  // namespace mbdae

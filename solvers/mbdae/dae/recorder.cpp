@@ -71,7 +71,7 @@ MotionRecorder::MotionRecorder(const Model& model, const std::vector<std::string
   }
 }
 
-void MotionRecorder::record(const State& state) {
+void MotionRecorder::record(const State& state, double time) {
   row_.clear();
   const auto push = [&](const Vec3& v) { row_.insert(row_.end(), v.data(), v.data() + 3); };
   for (const NodeMotion& node : state.nodes) {
@@ -88,7 +88,7 @@ void MotionRecorder::record(const State& state) {
     row_.push_back(value.activation);
   }
   for (const int k : momenta_) row_.push_back(state.y(k));
-  motion_.time.push_back(state.t);
+  motion_.time.push_back(time);
   for (const std::size_t column : columns_) values_.push_back(row_[column]);
 }
 

@@ -16,8 +16,8 @@ class MotionRecorder {
   /// `wanted`: names of channels, empty = all. Throws ModelError on a name that does not exist.
   MotionRecorder(const Model& model, const std::vector<std::string>& wanted);
 
-  /// Appends the state's values; reactions are taken from state.y.
-  void record(const State& state);
+  /// Appends the state's values under the given time [s]; reactions are taken from state.y.
+  void record(const State& state, double time);
 
   Motion take();
 

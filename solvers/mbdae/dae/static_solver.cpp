@@ -22,6 +22,7 @@ constexpr double kConstraintWeight = 100.0;
 constexpr double kLargestStep = 1e8;     // no limit on a Newton step but the line search's
 constexpr double kSmallestStep = 1e-14;  // relative step below which the line search gives up
 constexpr int kPolishingSteps = 3;
+constexpr double kRoundOff = 1e-15;        // of the residual, against the largest reaction: no tolerance asks for less
 constexpr int kSmallestHomotopyStep = 64;  // times smaller than the regular one
 
 struct KinsolDeleter {
@@ -121,13 +122,19 @@ bool StaticSolver::newton() {
   Eigen::MatrixXd J(n_, n_);
   u = Eigen::Map<const Eigen::VectorXd>(N_VGetArrayPointer(vector_.get()), n_);
   residual(u, F);
-  for (int i = 0; i < kPolishingSteps && F.norm() > options_.tolerance && F.norm() < 1e-3; ++i) {
+  for (int i = 0; i < kPolishingSteps && F.norm() > limit() && F.norm() < 1e-3; ++i) {
     jacobian(u, J);
     u -= robust_solve(J, F);
     residual(u, F);
     ++iterations_;
   }
-  return F.norm() <= options_.tolerance;
+  return F.norm() <= limit();
+}
+
+double StaticSolver::limit() const {
+  const auto reactions = state_.y.tail(model_.reaction_count());
+  const double load = reactions.size() > 0 ? reactions.cwiseAbs().maxCoeff() : 0.0;
+  return std::max(options_.tolerance, kRoundOff * (1.0 + load));
 }
 
 bool StaticSolver::homotopy() {
@@ -179,7 +186,9 @@ void StaticSolver::solve_at(double t) {
   std::string where;
   if (!converged) {
     const double unbalanced = unbalance(state_);
-    where = worst_equation() + " (norm of all residuals " + std::to_string(unbalanced) + ")";
+    std::ostringstream norm;
+    norm << unbalanced;
+    where = worst_equation() + " (norm of all residuals " + norm.str() + ")";
     state_ = before;
     state_.t = t;
     converged = homotopy();
@@ -187,7 +196,7 @@ void StaticSolver::solve_at(double t) {
   // Free rotation components of partly constrained joints move with the solution.
   for (int i = 0; converged && i < options_.max_iterations; ++i) {
     model_.set_reference(state_);
-    if (unbalance(state_) <= options_.tolerance) return;
+    if (unbalance(state_) <= limit()) return;
     converged = newton();
   }
   if (!converged) {

@@ -32,6 +32,7 @@ class StaticSolver {
   bool newton();    // KINSOL, then polishing steps; true if converged to the tolerance
   bool homotopy();  // from the present state, in steps
   double unbalance(const State& state);
+  double limit() const;          // of the residual's norm: the tolerance, but not below round-off
   std::string worst_equation();  // of the last residual
 
   static int kinsol_residual(N_Vector u, N_Vector F, void* self);

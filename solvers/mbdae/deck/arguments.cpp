@@ -13,6 +13,7 @@ namespace mbdae::reading {
 namespace {
 
 constexpr std::size_t kDeepestInclude = 32;
+constexpr int kMostIncludes = 10000;
 constexpr std::size_t kMostCharacters = std::size_t{256} << 20;  // of a deck with all its includes, 256 MiB
 constexpr std::size_t kLongestKeyword = 64;
 
@@ -116,8 +117,15 @@ void Input::end_card() {
                                                "activation check",
                                                "short range stiffness"};
     const std::optional<Words> words = peek_words();
-    fail(token.where, "found " + (words ? quoted(words->written) : described(token)) + ", expected `;`" +
-                          (words ? suggestion(words->text, kOptions) : ""));
+    const std::string hint = words ? suggestion(words->text, kOptions) : "";
+    const auto is_word = [&](const char* option) { return words->is(option); };
+    if (words && std::any_of(std::begin(kOptions), std::end(kOptions), is_word)) {
+      fail(token.where, quoted(words->written) + " does not belong here, expected `;`");
+    }
+    if (words && hint.empty() && !symbols_->find(token.text)) {
+      fail(token.where, "not supported: the option " + quoted(words->written) + " of this card, expected `;`");
+    }
+    fail(token.where, "found " + (words ? quoted(words->written) : described(token)) + ", expected `;`" + hint);
   }
   next_token();
 }
@@ -171,6 +179,7 @@ void Input::include() {
   if (sources_.size() > kDeepestInclude) {
     fail(where, "includes nested deeper than " + std::to_string(kDeepestInclude) + " files");
   }
+  if (++includes_ > kMostIncludes) fail(where, "more than " + std::to_string(kMostIncludes) + " files are included");
   std::string text, problem;
   if (!load_text(path, &text, &problem)) fail(where, "cannot include " + quoted(path) + ": " + problem);
   if (characters_read_ + text.size() > kMostCharacters) {
@@ -293,8 +302,9 @@ int Input::keyword(Choices choices, const char* what) {
   const std::optional<Words> words = peek_words();
   const Token& token = tokens().peek();
   if (!words) fail(token.where, "found " + described(token) + ", expected a " + what + ": " + joined(choices));
-  fail(token.where, std::string("unknown ") + what + " " + quoted(words->written) + ", expected: " + joined(choices) +
-                        suggestion(words->text, choices));
+  const std::string hint = suggestion(words->text, choices);
+  fail(token.where, (hint.empty() ? "not supported: the " : "unknown ") + std::string(what) + " " +
+                        quoted(words->written) + ", expected: " + joined(choices) + hint);
 }
 
 void Input::require(const char* keyword) {
@@ -350,7 +360,12 @@ Value<double> Input::expression(const char* what, Label* label) {
       // A word nobody knows, alone or in a row: more likely a keyword out of place than a variable.
       const std::optional<Words> words = peek_words();
       if (words && words->text.size() != first.text.size()) {
-        fail(first.where, "found " + quoted(words->written) + ", expected " + what);
+        fail(first.where, "not supported: " + quoted(words->written) + " here, expected " + what);
+      }
+      const bool keyword =
+          std::all_of(first.text.begin(), first.text.end(), [](char c) { return c >= 'a' && c <= 'z'; });
+      if (words && keyword && first.text.size() > 3) {
+        fail(first.where, "not supported: " + quoted(first.text) + " here, expected " + what);
       }
     }
     parser.parse_expression();
@@ -437,7 +452,8 @@ std::string Input::string(const char* what) {
   fail(where(), "found " + described(tokens().peek()) + ", expected " + what);
 }
 
-std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double check_time) {
+std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double check_time,
+                                                       const std::function<DrivePtr(const Label&)>& find_drive) {
   need("an expression in quotes");
   const Token token = tokens().peek();
   if (token.kind != TokenKind::string)
@@ -458,7 +474,8 @@ std::shared_ptr<const StringDrive> Input::string_drive(double time_step, double 
     fail(token.where, "in the string, at character " + std::to_string(where.column) + ": " + message);
   };
   try {
-    ExpressionParser parser(stream, *symbols_, inner, expression, true);
+    const auto find = [&](const Token&, std::uint32_t label) { return find_drive({label, "", token.where}); };
+    ExpressionParser parser(stream, *symbols_, inner, expression, true, find);
     parser.parse_statements();
     const Token& rest = stream.peek();
     if (rest.kind != TokenKind::end)

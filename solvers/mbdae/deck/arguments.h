@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -81,6 +82,8 @@ class Input {
   std::optional<Words> peek_words();
   /// True if `peek_words` has something to give.
   bool at_words();
+  /// True if the argument begins with a real number.
+  bool at_real() { return tokens().peek(tokens().peek().is("-") ? 1 : 0).kind == TokenKind::real; }
   /// The first token of the argument.
   std::string_view peek_text() { return tokens().peek().text; }
   /// The argument must be this keyword.
@@ -109,7 +112,8 @@ class Input {
   std::optional<std::string> take_string();
 
   /// Parses the content of a string drive at the argument.
-  std::shared_ptr<const StringDrive> string_drive(double time_step, double check_time);
+  std::shared_ptr<const StringDrive> string_drive(double time_step, double check_time,
+                                                  const std::function<DrivePtr(const Label&)>& find_drive);
 
   [[noreturn]] void fail(const SourcePosition& where, std::string message) {
     diagnostics_.fail(where, std::move(message));
@@ -161,6 +165,7 @@ class Input {
   bool after_comma_ = false;
   bool card_has_arguments_ = false;
   std::size_t characters_read_ = 0;
+  int includes_ = 0;
 };
 
 }  // namespace mbdae::reading

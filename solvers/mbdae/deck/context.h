@@ -24,6 +24,10 @@ struct Frame {
   Vec3 w = Vec3::Zero();
 };
 
+inline bool same_place(const SourcePosition& one, const SourcePosition& other) {
+  return one.file == other.file && one.line == other.line && one.column == other.column;
+}
+
 /// Things defined by cards `...: label, ...`. A label whose card had an error stays known as broken, so that its
 /// users say nothing more.
 template <class T>
@@ -40,6 +44,8 @@ class Registry {
                                   std::to_string(found->second.first.line) + ")");
     }
     broken_.insert(label.value);
+    open_ = label.value;
+    open_card_ = input.card_position();
   }
   void define(const Label& label, T item) {
     broken_.erase(label.value);
@@ -54,6 +60,9 @@ class Registry {
     return found == items_.end() ? nullptr : &found->second.second;
   }
   const T& get(Input& input, const Label& label) const {
+    if (open_ == label.value && same_place(open_card_, input.card_position())) {
+      input.fail(label.where, std::string(kind_) + " " + std::to_string(label.value) + " refers to itself");
+    }
     const T* item = find(label.value);
     if (item == nullptr) {
       input.fail(label.where, std::string(kind_) + " " + std::to_string(label.value) +
@@ -67,6 +76,8 @@ class Registry {
   const char* kind_;
   std::unordered_map<std::uint32_t, std::pair<SourcePosition, T>> items_;
   std::unordered_set<std::uint32_t> broken_;
+  std::optional<std::uint32_t> open_;  // the last label announced, and its card
+  SourcePosition open_card_;
 };
 
 /// Number of entities announced in the control data and found in the deck.

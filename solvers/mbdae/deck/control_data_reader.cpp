@@ -119,8 +119,9 @@ void read_control_data_card(Context& context, const Words& card) {
   } else {
     std::vector<const char*> choices(std::begin(kKnown), std::end(kKnown));
     choices.insert(choices.end(), std::begin(kWithoutEffect), std::end(kWithoutEffect));
-    input.fail(card.where, "unknown card " + quoted(card.written) + " in the control data block, expected: " +
-                               joined(choices) + suggestion(card.text, choices));
+    const std::string hint = suggestion(card.text, choices);
+    input.fail(card.where, (hint.empty() ? "not supported: the card " : "unknown card ") + quoted(card.written) +
+                               " in the control data block, expected: " + joined(choices) + hint);
   }
   input.end_card();
 }

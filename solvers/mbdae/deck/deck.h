@@ -233,6 +233,7 @@ struct Deck {
   std::vector<ElementData> forces;                     ///< forces and couples in deck order
   std::vector<std::shared_ptr<const Signal>> signals;  ///< what drives read of the state
   std::optional<VectorDrive<3>> gravity;               ///< uniform acceleration [m/s^2], global components
+  std::vector<DrivePtr> pieced_drives;                 ///< drives whose value or derivatives jump somewhere
 };
 
 }  // namespace mbdae

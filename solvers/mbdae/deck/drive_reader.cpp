@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/deck/drive_reader.h"
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -15,7 +16,9 @@
 namespace mbdae::reading {
 namespace {
 
-constexpr int kDeepestDrive = 64;
+constexpr int kDeepestDrive = 64;    ///< written within one card
+constexpr int kLongestChain = 1000;  ///< by references
+constexpr double kMostParts = 100000;
 
 enum DriveKind {
   kConst,
@@ -36,36 +39,30 @@ enum DriveKind {
   kLinear,
   kNode,
   kElement,
-  kDof
+  kDof,
+  kParabolic,
+  kCubic,
+  kPiecewiseLinear
 };
 
-constexpr const char* kDrives[] = {"const",     "null",   "unit",   "one",     "time",   "timestep", "direct",
-                                   "ramp",      "sine",   "cosine", "step",    "string", "array",    "mult",
-                                   "reference", "linear", "node",   "element", "dof"};
+constexpr const char* kDrives[] = {"const",     "null",
+                                   "unit",      "one",
+                                   "time",      "timestep",
+                                   "direct",    "ramp",
+                                   "sine",      "cosine",
+                                   "step",      "string",
+                                   "array",     "mult",
+                                   "reference", "linear",
+                                   "node",      "element",
+                                   "dof",       "parabolic",
+                                   "cubic",     "piecewise linear"};
 
 /// Drives of the language that are not read here.
-constexpr const char* kOtherDrives[] = {"closest next",
-                                        "cubic",
-                                        "discrete filter",
-                                        "double ramp",
-                                        "double step",
-                                        "drive",
-                                        "event",
-                                        "exponential",
-                                        "file",
-                                        "fourier series",
-                                        "frequency sweep",
-                                        "meter",
-                                        "parabolic",
-                                        "periodic",
-                                        "piecewise linear",
-                                        "postponed",
-                                        "random",
-                                        "sample and hold",
-                                        "scalar function",
-                                        "switch",
-                                        "tanh",
-                                        "while"};
+constexpr const char* kOtherDrives[] = {
+    "closest next",    "discrete filter", "double ramp", "double step",    "drive",
+    "event",           "exponential",     "file",        "fourier series", "frequency sweep",
+    "meter",           "periodic",        "postponed",   "random",         "sample and hold",
+    "scalar function", "switch",          "tanh",        "while"};
 
 DrivePtr read(Context& context, int depth);
 
@@ -150,7 +147,31 @@ DrivePtr nested(Context& context, int depth, std::shared_ptr<const Signal> signa
   return std::make_shared<const SignalDrive>(std::move(signal), std::move(drive));
 }
 
-DrivePtr read(Context& context, int depth) {
+DrivePtr read_polynomial(Input& input, std::size_t count) {
+  std::array<double, 4> a{};
+  for (std::size_t i = 0; i < count; ++i) a[i] = input.real("a coefficient of the drive");
+  return std::make_shared<const PolynomialDrive>(a);
+}
+
+DrivePtr read_piecewise_linear(Input& input) {
+  const SourcePosition where = input.where();
+  const std::int64_t count = input.integer("the number of points");
+  if (count < 2) input.fail(where, "found " + std::to_string(count) + " points, expected 2 or more");
+  std::vector<std::pair<double, double>> points;
+  for (std::int64_t i = 0; i < count; ++i) {
+    input.need([&] { return "point " + std::to_string(i + 1) + " of " + std::to_string(count); });
+    const SourcePosition here = input.where();
+    const double time = input.real("the time of a point");
+    if (!points.empty() && !(time > points.back().first)) {
+      input.fail(here, "found time " + number_text(time) + " after " + number_text(points.back().first) +
+                           ", expected increasing times");
+    }
+    points.emplace_back(time, input.real("the value at a point"));
+  }
+  return std::make_shared<const PiecewiseLinearDrive>(std::move(points));
+}
+
+DrivePtr read_any(Context& context, int depth) {
   Input& input = context.input;
   const SourcePosition where = input.where();
   if (depth > kDeepestDrive)
@@ -181,7 +202,13 @@ DrivePtr read(Context& context, int depth) {
       return std::make_shared<const StepDrive>(start, amplitude, input.real("the initial value of the step"));
     }
     case kString:
-      return input.string_drive(context.time_step(), context.initial_time());
+      return input.string_drive(context.time_step(), context.initial_time(), [&](const Label& label) {
+        DrivePtr drive = context.drives.get(input, label);
+        if (drive->reads_state()) {
+          input.fail(where, "not supported: a drive that reads the state within a string");
+        }
+        return drive;
+      });
     case kArray:
       return read_array(context, depth);
     case kMult: {
@@ -206,6 +233,12 @@ DrivePtr read(Context& context, int depth) {
     case kDof:
       check_state_drive(context, where);
       return nested(context, depth, read_dof_signal(context));
+    case kParabolic:
+      return read_polynomial(input, 3);
+    case kCubic:
+      return read_polynomial(input, 4);
+    case kPiecewiseLinear:
+      return read_piecewise_linear(input);
     default:
       break;
   }
@@ -213,10 +246,26 @@ DrivePtr read(Context& context, int depth) {
     for (const char* other : kOtherDrives) {
       if (words->is(other)) input.fail(where, std::string("not supported: the drive `") + other + "`");
     }
-    input.fail(where, "unknown drive " + quoted(words->written) + ", expected: " + joined(kDrives) + ", or a number" +
-                          suggestion(words->text, kDrives));
+    const std::string hint = suggestion(words->text, kDrives);
+    input.fail(where, (hint.empty() ? "not supported: the drive " : "unknown drive ") + quoted(words->written) +
+                          ", expected: " + joined(kDrives) + ", or a number" + hint);
   }
   return constant(input.real("a drive or a number"));
+}
+
+DrivePtr read(Context& context, int depth) {
+  const SourcePosition where = context.input.where();
+  DrivePtr drive = read_any(context, depth);
+  if (drive->depth() > kLongestChain) {
+    context.input.fail(where,
+                       "drives that refer to one another over more than " + std::to_string(kLongestChain) + " steps");
+  }
+  if (drive->count() > kMostParts) {
+    context.input.fail(where, "a drive made of more than " + std::to_string(static_cast<int>(kMostParts)) +
+                                  " others (each reference counts with all that it refers to)");
+  }
+  if (depth == 0 && drive->has_pieces()) context.deck.pieced_drives.push_back(drive);
+  return drive;
 }
 
 template <int N>
@@ -244,25 +293,22 @@ Vector<N> read_entity(Context& context, const Place* place, bool explicitly_sing
 
 /// A direction and its drive.
 template <int N>
-void read_term(Context& context, const Place* place, bool single, int depth, VectorDrive<N>* out) {
+void read_term(Context& context, const Place* place, bool single, VectorDrive<N>* out) {
   const Vector<N> direction = read_entity<N>(context, place, single);
-  DrivePtr drive = read_part(context, depth + 1);
+  DrivePtr drive = read_part(context, 0);
   if (!direction.isZero(0.0)) out->terms.push_back({direction, std::move(drive)});
 }
 
 template <int N>
-void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>* out) {
+void read_terms(Context& context, const Place* place, VectorDrive<N>* out) {
   Input& input = context.input;
-  const SourcePosition where = input.where();
-  if (depth > kDeepestDrive)
-    input.fail(where, "drives nested deeper than " + std::to_string(kDeepestDrive) + " levels");
   input.need("a vector drive: null, [single,] vector and drive, component, array");
   if (input.take("null") || input.take("zero")) return;
   if (input.take("component")) {
     for (int i = 0; i < N; ++i) {
       input.need([&] { return "drive " + std::to_string(i + 1) + " of " + std::to_string(N); });
       if (input.take("inactive")) continue;
-      out->terms.push_back({Vector<N>::Unit(i), read_part(context, depth + 1)});
+      out->terms.push_back({Vector<N>::Unit(i), read_part(context, 0)});
     }
     return;
   }
@@ -278,11 +324,11 @@ void read_terms(Context& context, const Place* place, int depth, VectorDrive<N>*
                                        "` in an array of vector drives, expected a vector and a drive without keyword");
         }
       }
-      read_term(context, place, false, depth, out);
+      read_term(context, place, false, out);
     }
     return;
   }
-  read_term(context, place, input.take("single"), depth, out);
+  read_term(context, place, input.take("single"), out);
 }
 
 }  // namespace
@@ -302,13 +348,13 @@ void read_drive_caller(Context& context) {
 
 VectorDrive<3> read_vector_drive(Context& context, const Place* place) {
   VectorDrive<3> out;
-  read_terms(context, place, 0, &out);
+  read_terms(context, place, &out);
   return out;
 }
 
 VectorDrive<6> read_vector_drive6(Context& context) {
   VectorDrive<6> out;
-  read_terms(context, nullptr, 0, &out);
+  read_terms(context, nullptr, &out);
   return out;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/deck/evaluate.h"
 
+#include <algorithm>
 #include <climits>
 #include <cmath>
 #include <limits>
@@ -10,6 +11,7 @@
 #include "mbdae/deck/diagnostic.h"
 #include "mbdae/deck/format_text.h"
 #include "mbdae/drive/drive_jet.h"
+#include "mbdae/drive/drive_library.h"
 
 namespace mbdae::reading {
 namespace {
@@ -25,6 +27,50 @@ void set_real(double x, Jet* out) { *out = {x, 0.0, 0.0}; }
 int side_of(double x) { return x > 0.0 ? 1 : x < 0.0 ? -1 : 0; }
 int side_of(const Jet& x) { return side(x); }
 
+/// Which branch of a function with branches holds; 0 of the smooth ones.
+std::uint64_t branch(Function id, double x, double y, double z) {
+  const auto side = [](double a) -> std::uint64_t { return a < 0.0 ? 1U : a == 0.0 ? 2U : 3U; };
+  const auto whole = [](double a) {
+    return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::clamp(a, -1e15, 1e15)));
+  };
+  switch (id) {
+    case Function::abs_:
+    case Function::par:
+    case Function::ramp:
+    case Function::sign:
+    case Function::step:
+      return side(x);
+    case Function::copysign_:
+      return side(x) + 3 * side(y);
+    case Function::max_:
+    case Function::min_:
+      return side(x - y);
+    case Function::sramp:
+      return side(x) + 3 * side(x - y);
+    case Function::in_ll:
+    case Function::in_le:
+    case Function::in_el:
+    case Function::in_ee:
+      return side(y - x) + 3 * side(z - y);
+    case Function::ceil_:
+      return whole(std::ceil(x));
+    case Function::floor_:
+      return whole(std::floor(x));
+    case Function::round_:
+      return whole(std::nearbyint(x));
+    default:
+      return 0;
+  }
+}
+
+bool has_branches(const ExpressionNode& node) {
+  if (node.op >= Op::greater && node.op <= Op::not_equal) return true;
+  if (node.op != Op::call) return false;
+  // 1, 2, 3 and 3, 1, 2 are on different branches of every function that has some
+  const auto id = static_cast<Function>(node.index);
+  return branch(id, 1.5, 2.5, 3.5) != 0 || id == Function::cast_integer;
+}
+
 template <class Real>
 class Evaluator {
  public:
@@ -37,9 +83,18 @@ class Evaluator {
 
   ReadingState* state = nullptr;  // null at run time
   Real time{}, time_step{}, argument{};
+  std::uint64_t piece = 0;  // of the branches taken
 
   V evaluate(int index) {
     const ExpressionNode& node = expression_.nodes[static_cast<std::size_t>(index)];
+    if constexpr (!std::is_same_v<Real, double>) {
+      if (is_comparison(node.op)) {
+        const V left = evaluate(node.first);
+        V result = binary(node, left, evaluate(second(node)));
+        piece = mixed(piece, static_cast<std::uint64_t>(result.integer));
+        return result;
+      }
+    }
     switch (node.op) {
       case Op::integer:
         return V::from_integer(node.integer);
@@ -62,6 +117,17 @@ class Evaluator {
           fail(node, "model::current(\"L0\") has a value only in the law of a rod");
         }
         return constant(*state->current_length);
+      case Op::model_drive: {
+        const V argument = evaluate(node.first);
+        const Drive& drive = *expression_.drives[node.index];
+        if constexpr (std::is_same_v<Real, double>) {
+          return V::from_real(drive.value(real(node, argument)));
+        } else {
+          const Real x = real(node, argument);
+          piece = mixed(piece, drive.piece(x.value));
+          return V::from_real(composed(drive, x));
+        }
+      }
       case Op::plus:
       case Op::negate:
         return sign_change(node);
@@ -363,8 +429,11 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
   switch (id) {
     case Function::cast_boolean:
       return converted(node, arguments[0], Type::boolean, true);
-    case Function::cast_integer:
-      return converted(node, arguments[0], Type::integer, true);
+    case Function::cast_integer: {
+      V whole = converted(node, arguments[0], Type::integer, true);
+      piece = mixed(piece, static_cast<std::uint64_t>(whole.integer));
+      return whole;
+    }
     case Function::cast_real:
       return converted(node, arguments[0], Type::real, true);
     case Function::cast_string:
@@ -393,6 +462,7 @@ Value<Real> Evaluator<Real>::call(const ExpressionNode& node) {
   set_real(0.0, &zero);
   set_real(1.0, &one);
   const auto done = [&](const char* what, const Real& result) { return checked_real(node, what, result); };
+  if constexpr (!std::is_same_v<Real, double>) piece = mixed(piece, branch(id, xv, yv, zv));
   switch (id) {
     case Function::abs_:
       return done("abs", fabs(x));
@@ -496,6 +566,32 @@ Jet StringDrive::checked(const Jet& time, const Jet& argument) const {
                           "found a string, expected an expression worth a number"};
   }
   return {static_cast<double>(value.integer), 0.0, 0.0};
+}
+
+std::uint64_t StringDrive::piece(double t) const {
+  Evaluator<Jet> evaluator(expression_, *symbols_);
+  evaluator.time = evaluator.argument = {t, 1.0, 0.0};
+  evaluator.time_step = {time_step_, 0.0, 0.0};
+  try {
+    evaluator.evaluate(expression_.root);
+  } catch (const EvaluationError&) {
+  } catch (const BrokenVariable&) {
+  }
+  return evaluator.piece;
+}
+
+bool StringDrive::has_pieces() const {
+  for (const ExpressionNode& node : expression_.nodes) {
+    if (has_branches(node)) return true;
+  }
+  for (const DrivePtr& drive : expression_.drives) {
+    if (drive->has_pieces()) return true;
+  }
+  return false;
+}
+
+void StringDrive::known_jumps(std::vector<double>& times) const {
+  for (const DrivePtr& drive : expression_.drives) drive->known_jumps(times);  // right where the argument is the time
 }
 
 Jet StringDrive::at(double t) const { return unchecked({t, 1.0, 0.0}, {t, 1.0, 0.0}); }

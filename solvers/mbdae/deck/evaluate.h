@@ -38,9 +38,16 @@ class StringDrive final : public Drive {
  public:
   /// Variables are looked up when the drive is evaluated, so `symbols` is shared with the reader.
   StringDrive(Expression expression, std::shared_ptr<const Symbols> symbols, double time_step)
-      : expression_(std::move(expression)), symbols_(std::move(symbols)), time_step_(time_step) {}
+      : expression_(std::move(expression)), symbols_(std::move(symbols)), time_step_(time_step) {
+    for (const DrivePtr& drive : expression_.drives) size_.add(*drive);
+  }
   Jet at(double t) const override;
   Jet at_argument(double argument, double t) const override;
+  std::uint64_t piece(double t) const override;
+  bool has_pieces() const override;
+  int depth() const override { return size_.depth; }
+  double count() const override { return size_.count; }
+  void known_jumps(std::vector<double>& times) const override;
 
   /// As `at`, but throws EvaluationError or BrokenVariable instead of returning NaN.
   Jet checked(double t) const { return checked(Jet{t, 1.0, 0.0}, Jet{t, 1.0, 0.0}); }
@@ -52,6 +59,7 @@ class StringDrive final : public Drive {
   Expression expression_;
   std::shared_ptr<const Symbols> symbols_;
   double time_step_;  // [s]
+  DriveSize size_;
 };
 
 }  // namespace mbdae::reading

@@ -424,7 +424,7 @@ void ExpressionParser::unknown_name(const Token& token) {
 int ExpressionParser::name(int depth) {
   const Token token = tokens_.take();
   if (tokens_.peek().is("(")) return call(token, depth);
-  if (tokens_.peek().is("::")) return model_namespace(token);
+  if (tokens_.peek().is("::")) return model_namespace(token, depth);
   ExpressionNode node;
   node.where = token.where;
   if (const auto local = find_local(token.text)) {
@@ -450,9 +450,10 @@ int ExpressionParser::name(int depth) {
   unknown_name(token);
 }
 
-int ExpressionParser::model_namespace(const Token& token) {
+int ExpressionParser::model_namespace(const Token& token, int depth) {
   tokens_.take();  // ::
   const Token member = tokens_.take();
+  if (token.text == "model" && member.text == "drive" && find_drive_) return model_drive(token, depth);
   if (token.text != "model" || member.text != "current" || run_time_) {
     diagnostics_.fail(token.where, "not supported: the function " +
                                        quoted(std::string(token.text) + "::" + std::string(member.text)) +
@@ -468,6 +469,34 @@ int ExpressionParser::model_namespace(const Token& token) {
   node.op = Op::model_current;
   node.where = token.where;
   return add(node);
+}
+
+int ExpressionParser::model_drive(const Token& token, int depth) {
+  expect("(");
+  const Token label = tokens_.take();
+  Number number;
+  if (label.kind == TokenKind::word) {
+    const auto symbol = symbols_.find(label.text);
+    if (!symbol) unknown_name(label);
+    const Variable& variable = symbols_[*symbol];
+    if (variable.broken) throw Reported{};
+    number.type = variable.has_value ? variable.value.type : Type::string;
+    number.integer = variable.value.integer;
+  } else if (!read_number(label, &number)) {
+    number.type = Type::string;
+  }
+  if (number.type != Type::integer || number.integer < 0) {
+    diagnostics_.fail(label.where, "found " + described(label) + ", expected the label of a drive caller");
+  }
+  ExpressionNode node;
+  node.op = Op::model_drive;
+  node.where = token.where;
+  node.index = static_cast<std::uint32_t>(out_.drives.size());
+  out_.drives.push_back(find_drive_(label, static_cast<std::uint32_t>(number.integer)));
+  expect(",");
+  const int argument = assignment(depth + 1);
+  expect(")");
+  return add(node, argument);
 }
 
 int ExpressionParser::call(const Token& token, int depth) {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,6 +29,7 @@ enum class Op : std::uint8_t {
   time_step,      ///< run-time variable TimeStep
   argument,       ///< run-time variable Var
   model_current,  ///< model::current("L0")
+  model_drive,    ///< model::drive(label, argument) at run time
   plus,
   negate,
   logical_not,
@@ -133,6 +135,7 @@ struct Expression {
   std::vector<std::string> texts;
   std::vector<std::string> locals;  ///< names of the variables that a run-time expression declares
   std::vector<Type> local_types;
+  std::vector<DrivePtr> drives;  ///< that a run-time expression calls
   int root = -1;
 
   void clear() {
@@ -140,6 +143,7 @@ struct Expression {
     texts.clear();
     locals.clear();
     local_types.clear();
+    drives.clear();
     root = -1;
   }
 };
@@ -152,11 +156,20 @@ inline constexpr int kHighestTree = 1000;
 /// The value of a number token. False if the token is no number, or one that does not fit its type.
 bool read_number(const Token& token, Number* number);
 
+/// Finds a drive caller by its label, or fails with a message.
+using FindDrive = std::function<DrivePtr(const Token&, std::uint32_t)>;
+
 /// Parses from a token stream until something that does not belong to an expression.
 class ExpressionParser {
  public:
-  ExpressionParser(TokenStream& tokens, Symbols& symbols, Diagnostics& diagnostics, Expression& out, bool run_time)
-      : tokens_(tokens), symbols_(symbols), diagnostics_(diagnostics), out_(out), run_time_(run_time) {}
+  ExpressionParser(TokenStream& tokens, Symbols& symbols, Diagnostics& diagnostics, Expression& out, bool run_time,
+                   FindDrive find_drive = {})
+      : tokens_(tokens),
+        symbols_(symbols),
+        diagnostics_(diagnostics),
+        out_(out),
+        run_time_(run_time),
+        find_drive_(std::move(find_drive)) {}
 
   /// One expression, as an argument of a card.
   void parse_expression() { out_.root = assignment(0); }
@@ -178,7 +191,8 @@ class ExpressionParser {
   int primary(int depth);
   int number();
   int name(int depth);
-  int model_namespace(const Token& token);
+  int model_namespace(const Token& token, int depth);
+  int model_drive(const Token& token, int depth);
   int call(const Token& token, int depth);
   int add(ExpressionNode node, int first = -1, int second = -1);
   int add_sequence(ExpressionNode node, int first, int height);
@@ -191,6 +205,7 @@ class ExpressionParser {
   Diagnostics& diagnostics_;
   Expression& out_;
   bool run_time_;
+  FindDrive find_drive_;
   std::string_view declared_;
 };
 

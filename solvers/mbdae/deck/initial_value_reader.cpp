@@ -283,8 +283,9 @@ void read_initial_value_card(Context& context, const Words& card) {
     for (const char* other : kOtherCards) {
       if (card.is(other)) input.fail(card.where, std::string("not supported: the card `") + other + "`");
     }
-    input.fail(card.where, "unknown card " + quoted(card.written) + " in the initial value block, expected: " +
-                               joined(kCards) + suggestion(card.text, kCards));
+    const std::string hint = suggestion(card.text, kCards);
+    input.fail(card.where, (hint.empty() ? "not supported: the card " : "unknown card ") + quoted(card.written) +
+                               " in the initial value block, expected: " + joined(kCards) + hint);
   }
   if (kind == kMethod && (context.initial_value_cards >> kMethod & 1U) != 0) {
     input.fail(card.where, "the method is given already (`" + data.method_text + "`), expected one card `method`");

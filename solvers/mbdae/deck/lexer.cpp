@@ -39,6 +39,8 @@ bool has_class(char c, unsigned classes) { return (kClasses[static_cast<unsigned
 bool is_letter(char c) { return has_class(c, kLetter); }
 bool is_digit(char c) { return has_class(c, kDigit); }
 
+constexpr std::size_t kLongestWord = 1000;
+
 constexpr std::array<std::string_view, 8> kDoubleSymbols = {"::", "==", "!=", "<=", ">=", "&&", "||", "~|"};
 
 }  // namespace
@@ -119,6 +121,7 @@ Token Lexer::next() {
   const char d = position_ + 1 < text_.size() ? text_[position_ + 1] : '\0';
   if (is_letter(c)) {
     skip(position_ + 1, kLetter | kDigit);
+    if (position_ - begin > kLongestWord) return {TokenKind::bad, "a word of more than 1000 characters", where};
     return make(TokenKind::word, begin, where);
   }
   if (is_digit(c) || (c == '.' && is_digit(d))) return number(where);

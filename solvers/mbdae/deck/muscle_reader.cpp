@@ -30,6 +30,7 @@ MuscleLaw read_muscle(Context& context, const SourcePosition& where) {
     input.diagnostics().warning(where, "the muscle law needs the card `module load: \"libmodule-muscles\";` in MBDyn");
   }
   MuscleLaw law;
+  if (input.more()) input.take("help");  // prints the syntax there
   if (input.more() && input.take("model") && input.keyword(kModels, "muscle model") == 1) law.model = MuscleModel::erf;
   const bool initial = input.more() && input.take("initial length");
   if (initial) law.Li = input.positive("the initial length [m]");

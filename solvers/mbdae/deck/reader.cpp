@@ -84,6 +84,9 @@ class Reader {
         if (card == nullptr) break;
         read_card(*card);
       } catch (const Reported&) {
+        if (!diagnostics().has_errors()) {  // a card that vanished without a word would be worse than a poor word
+          diagnostics().error(context_.input.card_position(), "this card cannot be read");
+        }
         context_.input.skip_card();
       }
     }
@@ -188,7 +191,8 @@ class Reader {
     }
     std::string hint = suggestion(card.text, near);
     if (hint.empty()) hint = suggestion(card.text, kEverywhere);
-    context_.input.fail(card.where, "unknown card " + quoted(card.written) + ", " + expected + hint);
+    const char* const what = hint.empty() ? "not supported: the card " : "unknown card ";
+    context_.input.fail(card.where, what + quoted(card.written) + ", " + expected + hint);
   }
 
   void begin_block() {

@@ -38,6 +38,11 @@ bool load_text(const std::string& path, std::string* text, std::string* problem)
     *problem = "this is a directory, expected a deck";
     return false;
   }
+  if (!fs::is_regular_file(status)) {
+    *problem = fs::is_fifo(status) ? "this is a FIFO, expected a regular file"
+                                   : "this is a device or a socket, expected a regular file";
+    return false;
+  }
   const auto close = [](std::FILE* file) { std::fclose(file); };
   const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rb"), close);
   if (!file) {

@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -45,7 +47,30 @@ class Drive {
   virtual void add_sensitivity(double /*t*/, double /*factor*/, std::vector<Sensitivity>& /*out*/) const {}
 
   double value(double t) const { return at(t).value; }
+
+  /// A number that tells which smooth piece holds at time t: it changes where value or derivatives jump.
+  virtual std::uint64_t piece(double /*t*/) const { return 0; }
+  /// False if the drive is one smooth piece.
+  virtual bool has_pieces() const { return false; }
+  /// Drives within drives: how many levels, how many in all. Evaluation recurs that deep and costs that much.
+  virtual int depth() const { return 1; }
+  virtual double count() const { return 1.0; }
+  /// Adds the times of jumps that are known beforehand [s].
+  virtual void known_jumps(std::vector<double>& /*times*/) const {}
 };
+
+/// Depth and count of a drive with parts.
+struct DriveSize {
+  int depth = 1;
+  double count = 1.0;
+  void add(const Drive& part) {
+    depth = std::max(depth, part.depth() + 1);
+    count += part.count();
+  }
+};
+
+/// Mixes a number into another: pieces of drives that are made of drives.
+inline std::uint64_t mixed(std::uint64_t one, std::uint64_t other) { return (one ^ other) * 1099511628211U + 1; }
 
 using DrivePtr = std::shared_ptr<const Drive>;
 

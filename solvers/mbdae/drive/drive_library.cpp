@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/drive/drive_library.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "mbdae/drive/drive_jet.h"
@@ -36,6 +37,27 @@ Jet CosineDrive::wave(double tau) const {
   return {amplitude_ * (1.0 - c), amplitude_ * w_ * s, amplitude_ * w_ * w_ * c};
 }
 
+std::uint64_t PiecewiseLinearDrive::piece(double t) const {
+  const auto after = std::upper_bound(points_.begin(), points_.end(), t,
+                                      [](double time, const auto& point) { return time < point.first; });
+  return static_cast<std::uint64_t>(after - points_.begin());
+}
+
+Jet PiecewiseLinearDrive::at(double t) const {
+  const std::size_t k = piece(t);
+  if (k == 0) return {points_.front().second, 0.0, 0.0};
+  if (k == points_.size()) return {points_.back().second, 0.0, 0.0};
+  const auto& [t0, v0] = points_[k - 1];
+  const auto& [t1, v1] = points_[k];
+  const double slope = (v1 - v0) / (t1 - t0);
+  return {v0 + slope * (t - t0), slope, 0.0};
+}
+
+Jet composed(const Drive& outer, const Jet& inner) {
+  const Jet f = outer.at(inner.value);
+  return compose(inner, f.value, f.rate, f.second);
+}
+
 Jet SumDrive::at(double t) const {
   Jet sum;
   for (const DrivePtr& drive : drives_) sum = sum + drive->at(t);
@@ -55,8 +77,25 @@ bool SumDrive::reads_state() const {
   return false;
 }
 
+std::uint64_t SumDrive::piece(double t) const {
+  std::uint64_t sum = 0;
+  for (const DrivePtr& drive : drives_) sum = mixed(sum, drive->piece(t));
+  return sum;
+}
+
+bool SumDrive::has_pieces() const {
+  for (const DrivePtr& drive : drives_) {
+    if (drive->has_pieces()) return true;
+  }
+  return false;
+}
+
 void SumDrive::add_sensitivity(double t, double factor, std::vector<Sensitivity>& out) const {
   for (const DrivePtr& drive : drives_) drive->add_sensitivity(t, factor, out);
+}
+
+void SumDrive::known_jumps(std::vector<double>& times) const {
+  for (const DrivePtr& drive : drives_) drive->known_jumps(times);
 }
 
 Jet ProductDrive::at(double t) const { return first_->at(t) * second_->at(t); }

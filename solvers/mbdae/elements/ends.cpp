@@ -27,17 +27,18 @@ End read_end(Context& context) {
 /// `position, x`
 void read_offset(Context& context, const Place& place, Presence presence, Vec3* out, const char* word) {
   Input& input = context.input;
-  if (presence == Presence::required) {
-    input.require(word);
-  } else if (!input.more() || !input.take(word)) {
-    return;
-  }
-  *out = read_position(context, place);
+  const bool named = input.more() && input.take(word);
+  if (!named && presence == Presence::optional) return;
+  *out = read_position(context, place);  // the word may be left out
 }
 
 /// [orientation, R]
 void read_hinge(Context& context, const Place& place, Mat3* out, const char* word) {
-  if (context.input.more() && context.input.take(word)) *out = read_orientation(context, place);
+  Input& input = context.input;
+  if (!input.more()) return;
+  // `hinge` is the old word.
+  const bool old = std::string_view(word) == "orientation" && input.take("hinge");
+  if (old || input.take(word)) *out = read_orientation(context, place);
 }
 
 /// Two nodes, each with a position and an orientation: the common form of most joints.

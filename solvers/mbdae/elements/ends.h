@@ -27,10 +27,10 @@ End read_end(Context& context);
 
 enum class Presence { required, optional };
 
-/// `position, x`
+/// `[position,] x`; without the word an optional position must be a frame, `null` or begin with a real number.
 void read_offset(Context& context, const Place& place, Presence presence, Vec3* out, const char* word = "position");
 
-/// [orientation, R]
+/// [orientation, R], also `hinge, R`
 void read_hinge(Context& context, const Place& place, Mat3* out, const char* word = "orientation");
 
 /// Two nodes, each with a position and an orientation: the common form of most joints.

@@ -4,8 +4,27 @@
 
 namespace mbdae::reading {
 
+namespace {
+
+/// True if the argument can only be the beginning of a position: `null`, a frame, a real number.
+bool at_vector(Input& input) {
+  if (!input.more()) return false;
+  if (input.at_real()) return true;
+  const auto words = input.peek_words();
+  return words && (words->is("null") || words->is("reference"));
+}
+
+}  // namespace
+
 SphericalHingeData read_spherical_hinge(Context& context) {
-  const auto [first, second] = read_two_ends(context, Presence::optional);
+  // Nothing else here begins like a position: the word may be left out.
+  const auto presence = [&] { return at_vector(context.input) ? Presence::required : Presence::optional; };
+  End first = read_end(context);
+  read_offset(context, first.place(), presence(), &first.position);
+  read_hinge(context, first.place(), &first.orientation);
+  End second = read_end(context);
+  read_offset(context, second.after(first), presence(), &second.position);
+  read_hinge(context, second.after(first), &second.orientation);
   return SphericalHingeData{first.node, second.node, first.position, second.position};
 }
 

@@ -12,6 +12,10 @@ namespace {
 
 // Groups of three unknowns or equations of a node.
 enum Group { kPosition, kRotation, kMomentum, kMomentaMoment, kVelocity, kAngularVelocity };
+/// `joint hand_l`, but not `joint joint 1`: the name of a thing with a label that is no constant says its kind.
+std::string kind_and_name(const std::string& kind, const std::string& name) {
+  return name.rfind(kind + " ", 0) == 0 ? name : kind + " " + name;
+}
 
 }  // namespace
 
@@ -117,8 +121,8 @@ std::string Model::equation_title(int k) const {
   const Place p = place(k);
   std::ostringstream out;
   if (p.node >= 0) {
-    out << kEquations[static_cast<std::size_t>(equation_group(p))] << " of node "
-        << deck_.nodes[static_cast<std::size_t>(p.node)].id.name << " along "
+    out << kEquations[static_cast<std::size_t>(equation_group(p))] << " of "
+        << kind_and_name("node", deck_.nodes[static_cast<std::size_t>(p.node)].id.name) << " along "
         << "xyz"[p.component % 3];
     return out.str();
   }
@@ -131,12 +135,12 @@ std::string Model::equation_title(int k) const {
     const FlexibleEntry& entry = flexible_[static_cast<std::size_t>(p.flexible)];
     const int m = entry.body->modes();
     out << (p.component < m ? "velocity definition" : "equilibrium") << " of mode "
-        << entry.body->mode_number(p.component % m) << " of joint " << joint_title(*entry.data);
+        << entry.body->mode_number(p.component % m) << " of " << kind_and_name("joint", joint_title(*entry.data));
     return out.str();
   }
   const ConstraintEntry& entry = constraints_[static_cast<std::size_t>(p.constraint)];
-  out << "constraint " << p.component + 1 << " of " << entry.constraint->size()
-      << (entry.data->type->card == CardKind::genel ? " of genel " : " of joint ") << joint_title(*entry.data);
+  out << "constraint " << p.component + 1 << " of " << entry.constraint->size() << " of "
+      << kind_and_name(entry.data->type->card == CardKind::genel ? "genel" : "joint", joint_title(*entry.data));
   return out.str();
 }
 

@@ -228,7 +228,12 @@ void Hdf5File::save(const std::string& path) { write_file(path, image()); }
 
 void write_file(const std::string& path, std::span<const char> image) {
   const std::string part = path + ".part";
-  Descriptor file(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+  // Whatever stands there is ours from a run that was stopped, or a trap: it is not followed, and not written into.
+  struct stat status {};
+  if (::lstat(part.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    throw FileError("cannot write '" + part + "': something else than a regular file has that name");
+  }
+  Descriptor file(::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666));
   if (file.get() < 0) fail_to_write(path, errno);
   std::size_t written = 0;
   while (written < image.size()) {
