@@ -25,7 +25,8 @@ std::string amount(double value, const std::string& unit) {
 
 Model make_model(const Deck& deck) {
   constexpr int kMostUnknowns = 5000;  // a dense matrix of that size has 200 MB
-  if (deck.nodes.empty()) throw ModelError("the deck has no nodes: there is nothing to analyse");
+  if (deck.nodes.empty() && deck.abstract_nodes.empty())
+    throw ModelError("the deck has no nodes: there is nothing to analyse");
   try {
     Model model(deck);
     if (model.size() > kMostUnknowns) {
@@ -79,6 +80,15 @@ Eigen::VectorXd position_error(const Model& model, const Equations& eq) {
   return error;
 }
 
+// What genels impose is brought about by the first time step, as in MBDyn.
+void forget_genels(const Model& model, Equations& eq, ConstraintRates& rates) {
+  for (const ConstraintEntry& entry : model.constraints()) {
+    if (entry.data->type->card != CardKind::genel) continue;
+    eq.g.segment(entry.constraint->first(), entry.constraint->size()).setZero();
+    rates.rate.segment(entry.constraint->first(), entry.constraint->size()).setZero();
+  }
+}
+
 void note_worst(const Model& model, const Eigen::VectorXd& error, Correction* out) {
   Eigen::Index worst = 0;
   error.cwiseAbs().maxCoeff(&worst);
@@ -109,12 +119,7 @@ void check_constraints(const Model& model, const State& state, bool velocities) 
   for (const LoadEntry& entry : model.loads()) check(*entry.data, *entry.element);
   for (const ConstraintEntry& entry : model.constraints()) check(*entry.data, *entry.constraint);
 
-  // What genels impose is brought about by the first time step, as in MBDyn.
-  for (const ConstraintEntry& entry : model.constraints()) {
-    if (entry.data->type->card != CardKind::genel) continue;
-    eq.g.segment(entry.constraint->first(), entry.constraint->size()).setZero();
-    rates.rate.segment(entry.constraint->first(), entry.constraint->size()).setZero();
-  }
+  forget_genels(model, eq, rates);
 
   int worst = -1;
   double value = 0.0;
@@ -183,6 +188,7 @@ Correction match_velocities(const Model& model, State& state) {
     eq.clear(model.size(), tangent);
     model.add_reduced_constraints(state, eq, tangent);
     model.rates(state, rates, false);
+    forget_genels(model, eq, rates);
     return Eigen::VectorXd(rates.rate.tail(model.reaction_count()) + eq.g.tail(model.reaction_count()) -
                            position_error(model, eq));
   };
