@@ -274,8 +274,8 @@ TEST_CASE("a file that cannot be written leaves nothing behind and says why") {
     { std::ofstream(directory.file("m.h5")) << "old"; }
     fs::create_symlink("/dev/full", directory.file("m.h5.part"));
     CHECK_THROWS_WITH(write_matrices_file(directory.file("m.h5"), model, kProvenance),
-                      Catch::Matchers::Contains("No space left on device"));
-    CHECK_FALSE(fs::is_symlink(directory.file("m.h5.part")));
+                      Catch::Matchers::Contains("something else than a regular file has that name"));
+    CHECK(fs::is_symlink(directory.file("m.h5.part")));  // neither followed nor removed
     std::ifstream old(directory.file("m.h5"));
     std::string text;
     old >> text;
