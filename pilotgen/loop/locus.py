@@ -299,10 +299,12 @@ class Locus:
         inside = (w > start) & (w < top)
         owner = np.nonzero(inside)[0]
         w = w[inside]
-        distance = np.hypot(w[:, None] - w0, sigma)
-        nearest = distance.min(axis=1)
-        keep = distance[np.arange(w.size), owner] <= 1.5 * nearest
-        w, nearest = w[keep], nearest[keep]
+        squared = w[:, None] - w0  # distances to all poles, squared: np.hypot would take most of this function's time
+        squared *= squared
+        squared += sigma * sigma
+        nearest = squared.min(axis=1)
+        keep = squared[np.arange(w.size), owner] <= 1.5**2 * nearest
+        w, nearest = w[keep], np.sqrt(nearest[keep])
         order = np.argsort(w)
         w, nearest = w[order], nearest[order]
         # Grids of neighbouring poles interleave: keep one point for each half of the wanted spacing.
