@@ -19,6 +19,9 @@ from pilotgen.study.schema import SCHEMA
 WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png")
 
 
+MOST_POLES, POLES_BELOW_HZ = 6, 10.0  # that a summary shows; result.json has all
+
+
 def add_parser(commands: Any) -> None:
     """Declare the command."""
     parser = common.add_command(
@@ -102,10 +105,18 @@ def summary(result: Mapping[str, Any]) -> str:
             f"muscles    largest activation {activation['largest']:.3f} ({activation['largest_muscle']}), sum of "
             f"squares {activation['sum_of_squares']:.4f}"
         )
+    shown = [
+        pole for pole in result["pilot_poles"] if pole["frequency_hz"] < POLES_BELOW_HZ and abs(pole["damping"]) < 1.0
+    ]
+    shown = sorted(shown, key=lambda pole: float(pole["damping"]))[:MOST_POLES]
     poles = ", ".join(
-        f"{pole['frequency_hz']:.2f} Hz / {100 * pole['damping']:.0f} %" for pole in result["pilot_poles"]
+        f"{pole['frequency_hz']:.2f} Hz / {100 * pole['damping']:.0f} %"
+        for pole in sorted(shown, key=lambda pole: float(pole["frequency_hz"]))
     )
-    lines.append(f"poles      {poles}")
+    left_out = len(result["pilot_poles"]) - len(shown)
+    lines.append(
+        f"poles      {poles}" + (f" (least damped below {POLES_BELOW_HZ:g} Hz; {left_out} others)" if left_out else "")
+    )
     bdft = result["bdft"]
     lines.append(
         f"BDFT       {bdft['grip_motion_3hz_mm_per_m_s2']:.2f} mm of grip motion per m/s^2 at 3 Hz"
