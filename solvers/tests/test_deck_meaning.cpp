@@ -101,8 +101,8 @@ TEST_CASE("old forms of joints, drives and laws") {
       "joint: 1, rod with offset, 1, position, 1., 0., 0., 2, position, null, 1., linear elastic, 1.;\n",
       "joint: 1, name, \"j\", total joint, 1, 2, position constraint, 1, 1, 1, null;\n",
       "joint: 1, inline, 1, position, null, hinge, eye, 2;\n",
-      "joint: 1, rod, 1, 2, from nodes, muscle, help, model, pennestri, initial length, .3, reference length, .3, "
-      "reference velocity, 1.2, reference force, 100., activation, const, .1, activation check, yes;\n",
+      ("joint: 1, rod, 1, 2, from nodes, muscle, help, model, pennestri, initial length, .3, reference length, .3, "
+       "reference velocity, 1.2, reference force, 100., activation, const, .1, activation check, yes;\n"),
       "force: 1, absolute, 1, null, 0., 0., 1., linear, 0., 1.;\n",
       "force: 1, absolute, 1, position, null, zero;\n"};
   for (const char* form : forms) {
