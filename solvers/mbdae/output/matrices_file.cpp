@@ -101,7 +101,7 @@ constexpr std::array<const char*, 7> kNumbers{"scalars", "J_plus", "J_minus", "g
 std::array<RowMajor, kNumbers.size()> numbers_of(const LinearisedModel& model) {
   RowMajor scalars(1, 2), vectors(model.y.size(), 4);
   scalars << model.c, model.time;
-  vectors << model.y, model.ydot, model.residual, model.equilibrium_residual;
+  if (model.y.size() > 0) vectors << model.y, model.ydot, model.residual, model.equilibrium_residual;
   return {scalars, model.J_plus, model.J_minus, model.g_u, vectors, poses(model.nodes), muscle_states(model.muscles)};
 }
 
