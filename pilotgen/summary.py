@@ -12,7 +12,8 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.linear.pilot_model import PilotModel
-from pilotgen.study.schema import MAYO_PRESETS, MULTIBODY
+from pilotgen.study.fields import MULTIBODY
+from pilotgen.study.schema import MAYO_PRESETS
 from pilotgen.study.study import Study
 from pilotgen.study.torso_numbers import RIGID
 

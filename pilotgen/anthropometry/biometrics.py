@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pilotgen.errors import StudyError
-from pilotgen.study.fields import shown
-from pilotgen.study.schema import MULTIBODY, PILOT_VALUES, SCHEMA
+from pilotgen.study.fields import MULTIBODY, shown
+from pilotgen.study.schema import PILOT_VALUES, SCHEMA
 
 _KEYS = PILOT_VALUES[MULTIBODY]
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import FileError, StudyError
-from pilotgen.study.schema import MAYO, locate, study_unit
+from pilotgen.study.fields import MAYO
+from pilotgen.study.schema import locate, study_unit
 from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:

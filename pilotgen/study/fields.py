@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.study.yaml_file import KeyPath, YamlDocument
+
+MULTIBODY, MAYO = "multibody", "mayo"  # pilot models
 
 REQUIRED: Any = object()  # the default of a field that has none
 MOST_TOLD = 10  # mistakes of one file that are told together
@@ -126,7 +129,7 @@ class Problems:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Field:
+class Field(ABC):
     """Base of the declared fields.
 
     Attributes
@@ -154,9 +157,9 @@ class Field:
         """Whether a search may vary it."""
         return False
 
+    @abstractmethod
     def check(self, what: str, data: Any) -> Any:
         """Return `data` converted, or raise StudyError whose message starts with `what`."""
-        raise NotImplementedError
 
     def read(self, value: Value) -> Any:
         """Check a value of a document."""
@@ -355,6 +358,10 @@ class ByName(Field):
     """
 
     entry: Callable[[Value, Field], Any]
+
+    def check(self, what: str, data: Any) -> Any:
+        """Refuse: entries need their places in a file to be read."""
+        raise StudyError(f"{what}: a mapping by names stands in a study file; it cannot be set as one value")
 
 
 def bounds(value: Value, number: Field) -> tuple[float, float]:

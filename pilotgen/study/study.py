@@ -20,12 +20,11 @@ from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
-from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
+from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, Value, shown
 from pilotgen.study.population_section import population_from
 from pilotgen.study.reader import read_tree
 from pilotgen.study.rotorcraft import Rotorcraft, beside, rotorcraft_from
 from pilotgen.study.schema import (
-    MAYO,
     MAYO_PRESETS,
     OTHER_MASS,
     PILOT_VALUES,

@@ -370,6 +370,6 @@ def test_any_value_at_any_path_is_taken_or_refused(name: str, data: object) -> N
         try:
             changed_study, values = study.with_values({name: data})
         except StudyError as error:
-            assert str(error).startswith((name, "cockpit.collective.lowest_angle_deg")), str(error)
+            assert str(error).startswith(name), str(error)
         else:
             assert json.loads(changed_study.canonical()) and set(values) == set(study.values(values))
