@@ -33,7 +33,8 @@ from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.reflex_delay import delay_reflex, delayed_certificate
 from pilotgen.loop.loop import LoopModel, heave_loop
 from pilotgen.loop.margins import Margins, margins
-from pilotgen.loop.rotorcraft_model import rotorcraft_model
+from pilotgen.loop.measured import measured_margins
+from pilotgen.loop.rotorcraft_model import measured_part, rotorcraft_model
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
 from pilotgen.posture.seated_torso import FEM_NAME, SeatedTorso, seat_torso
@@ -487,7 +488,8 @@ def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> t
     same = study.rotorcraft is context.study.rotorcraft
     helicopter = context.helicopter if same else rotorcraft_model(study.rotorcraft)
     loop = heave_loop(model, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m)
-    verdict = margins(loop)
+    measured = measured_part(helicopter) is not None
+    verdict = measured_margins(model, helicopter, loop.gearing)[0] if measured else margins(loop)
     if verdict.not_told:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
         raise EvaluationError("margins", f"the loop's margins cannot be told: {verdict.not_told}")
     return loop, verdict

@@ -12,6 +12,7 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.objectives import OBJECTIVES
 from pilotgen.study.fields import MULTIBODY
 from pilotgen.study.schema import MAYO_PRESETS
 from pilotgen.study.study import Study
@@ -76,6 +77,8 @@ def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
     if result.get("status") == "failed":
         return []
     found = [f"extrapolated: {sentence}" for sentence in result.get("extrapolated", ())]
+    if result["loop"].get("interpolation_error") is not None:
+        found.append(_interpolated(result["loop"]["interpolation_error"]))
     if study.pilot.model == MULTIBODY:
         found.append(RIGID_TORSO if study.pilot.torso["model"] == RIGID else TORSO_ON_SPRINGS)
         if study.pilot.reflex_delay_s > 0.0:
@@ -85,6 +88,19 @@ def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
     elif {name: result["values"].get(name) for name in MAYO_PRESETS["mesomorphic"]} not in MAYO_PRESETS.values():
         found.append(MEASURED_GROUPS)
     return found
+
+
+def _interpolated(errors: Mapping[str, float | None]) -> str:
+    told = [
+        f"{row.label} +- {errors[row.key]:.2g} {row.unit}".rstrip()
+        for row in OBJECTIVES.values()
+        if errors.get(row.key) is not None
+    ]
+    return (
+        "the rotorcraft is known by its frequency response only: stability is that of Nyquist's count with the "
+        "unstable poles that its file states, poles of the closed loop cannot be told, and by interpolation "
+        f"{', '.join(told)}"
+    )
 
 
 def result_file(

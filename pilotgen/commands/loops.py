@@ -110,7 +110,9 @@ def _measured(args: argparse.Namespace, gearing: dict[str, float]) -> int:
     from pilotgen.commands.margins import as_object, as_text
     from pilotgen.errors import StudyError
     from pilotgen.linear.pilot_model import read_pilot_model
-    from pilotgen.loop.measured import measured_margins, read_frequency_response
+    from pilotgen.loop.frequency_file import read_frequency_response
+    from pilotgen.loop.measured import measured_margins
+    from pilotgen.loop.rotorcraft_model import MeasuredRotorcraft
 
     if set(gearing) != {"collective"} or args.seat is not None:
         raise StudyError(
@@ -119,12 +121,13 @@ def _measured(args: argparse.Namespace, gearing: dict[str, float]) -> int:
         )
     plant = read_frequency_response(Path(args.plant))
     model = read_pilot_model(args.directory / "pilot_model.h5")
-    found, answer = measured_margins(model, plant, gearing["collective"] * model.lever_length_m)
+    found, answer = measured_margins(model, MeasuredRotorcraft(plant), gearing["collective"] * model.lever_length_m)
     if args.json:
         told = {**as_object(found, answer), "plant_interpolation_error": _finite(plant.interpolation_error)}
         print(json.dumps(told, indent=1, allow_nan=False))
         return 0
     print(as_text(found, answer))
+    print("poles            of the closed loop cannot be told: the rotorcraft is known by its frequency response only")
     print(f"interpolation of the rotorcraft's response: {plant.interpolation_error:.2g} of its largest value")
     return 0
 
@@ -140,7 +143,7 @@ def _text(value: Any, unit: str) -> str:
 def _gearing(text: str) -> dict[str, float]:
     from pilotgen.errors import StudyError
     from pilotgen.linear.imposed_motion import PEDALS
-    from pilotgen.loop.plants import CONTROLS
+    from pilotgen.loop.units import CONTROLS
 
     found: dict[str, float] = {}
     for part in text.split(","):

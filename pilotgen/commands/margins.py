@@ -64,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
 
 def as_object(m: Margins, answer: FrequencyAnswer | None = None) -> dict[str, Any]:
     """What --json prints: infinite numbers as "inf" and "-inf", null for what is not there or cannot be told."""
+    from pilotgen.loop.margins import interpolation_errors
+
     told: dict[str, Any] = {"stable": m.stable}
     for key, hz in (
         ("gain_margin_db", m.gain_margin_hz),
@@ -87,7 +89,7 @@ def as_object(m: Margins, answer: FrequencyAnswer | None = None) -> dict[str, An
     if m.largest_real_part is not None:
         told["largest_real_part"] = [_number(x) for x in m.largest_real_part]
     if answer is not None:
-        told["interpolation_error"] = {key: _number(value) for key, value in _errors(m, answer).items()}
+        told["interpolation_error"] = {key: _number(value) for key, value in interpolation_errors(m, answer).items()}
     return told
 
 
@@ -106,33 +108,14 @@ def _number(value: float | None) -> float | str | None:
     return value + 0.0 if math.isfinite(value) else "inf" if value > 0.0 else "-inf"  # + 0.0: no minus zero
 
 
-def _errors(m: Margins, answer: FrequencyAnswer) -> dict[str, float | None]:
-    """How far off each margin may be by interpolation, to first order."""
-    axis = [c for c in m.crossings if c.kind == "real axis"]
-    circle = [c for c in m.crossings if c.kind == "unit circle"]
-    gain = phase = delay = None
-    if axis:
-        i = min(range(len(axis)), key=lambda k: abs(axis[k].gain_db))
-        gain = 20.0 / math.log(10.0) * float(answer.axis_error[i]) / abs(axis[i].value)
-    if circle:
-        i = min(range(len(circle)), key=lambda k: abs(circle[k].phase_deg))
-        phase = math.degrees(float(answer.circle_error[i]))
-        delay = max(float(e) / (_TWO_PI * c.frequency_hz) for c, e in zip(circle, answer.circle_error, strict=True))
-    return {
-        "gain_margin_db": gain,
-        "phase_margin_deg": phase,
-        "modulus_margin": answer.nearest_error,
-        "disk_margin": answer.disk_error,
-        "delay_margin_s": delay,
-    }
-
-
 def as_text(m: Margins, answer: FrequencyAnswer | None = None) -> str:
     """The same for a person."""
+    from pilotgen.loop.margins import interpolation_errors
+
     lines = [f"closed loop      {'cannot be told' if m.stable is None else 'stable' if m.stable else 'UNSTABLE'}"]
     if m.not_told:
         lines.append(f"not told         {m.not_told}")
-    errors = _errors(m, answer) if answer is not None else {}
+    errors = interpolation_errors(m, answer) if answer is not None else {}
     for label, key, unit, hz in (
         ("gain margin", "gain_margin_db", " dB", m.gain_margin_hz),
         ("phase margin", "phase_margin_deg", " deg", m.phase_margin_hz),

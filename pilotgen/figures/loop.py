@@ -14,6 +14,7 @@ import numpy as np
 
 from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, GREY, LIGHT_GREY, LINE_COLORS
+from pilotgen.loop.rotorcraft_model import measured_part
 from pilotgen.objectives import GAIN_MARGIN, PHASE_MARGIN
 
 if TYPE_CHECKING:
@@ -43,7 +44,11 @@ def frequency_grid(evaluations: Sequence[Evaluation], low_hz: float = LOW_HZ, hi
     parts = [np.geomspace(low_hz, high_hz, GRID_POINTS)]
     spread = np.linspace(-4.0, 4.0, POINTS_PER_MODE)
     for evaluation in evaluations:
-        for pole in evaluation.loop.open_loop.poles:
+        data = measured_part(evaluation.loop.helicopter)
+        if data is not None:  # nothing is drawn where nothing is known
+            low_hz, high_hz = max(low_hz, data.band_hz[0]), min(high_hz, data.band_hz[1])
+        own = evaluation.loop.pilot.poles if data is not None else evaluation.loop.open_loop.poles
+        for pole in own:
             # half-power width of a mode is twice its real part
             parts.append((abs(pole.imag) + spread * abs(pole.real)) / (2.0 * math.pi))
         parts.append(np.array([crossing.frequency_hz for crossing in evaluation.margins.crossings]))

@@ -38,6 +38,8 @@ class FrequencyData:
         Poles of L in the open right half plane; None if not known.
     poles_at_origin : int
         Integrators in L.
+    error : ndarray, shape (m,), optional
+        How far off each value may be, as data; none if left out.
 
     Raises
     ------
@@ -49,6 +51,7 @@ class FrequencyData:
     L: ComplexArray
     unstable_poles: int | None = None
     poles_at_origin: int = 0
+    error: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.omega.size != self.L.size:
@@ -115,7 +118,7 @@ class _Curve:
     """The interpolant on each interval, u in [0, 1] along ln(omega), and the distance of the parabolas beside it."""
 
     def __init__(self, data: FrequencyData) -> None:
-        self.x, self.L = np.log(data.omega), data.L
+        self.x, self.L, self.error = np.log(data.omega), data.L, data.error
         self.intervals = data.omega.size - 1
 
     def at(self, i: np.ndarray, u: FloatArray) -> tuple[ComplexArray, FloatArray]:
@@ -126,6 +129,8 @@ class _Curve:
         # the cubic through four points is a mean of the parabolas through the first and the last three
         share = (x - self.x[first]) / (self.x[first + 3] - self.x[first])
         error: FloatArray = np.abs(left - right)
+        if self.error is not None:
+            error = error + np.maximum(self.error[i], self.error[i + 1])
         return left + share * (right - left), error
 
     def _parabola(self, first: np.ndarray, x: FloatArray) -> ComplexArray:

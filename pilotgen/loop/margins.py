@@ -8,7 +8,9 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +87,8 @@ class Margins:
     largest_real_part : tuple of float, optional
         Where stability cannot be told: an interval [rad/s] that holds the largest real part of the closed-loop
         eigenvalues, zero included.
+    interpolation_error : mapping of str to float, optional
+        Of a loop known at frequencies only: how far off each margin may be.
     """
 
     stable: bool | None
@@ -101,6 +105,7 @@ class Margins:
     crossings: tuple[Crossing, ...]
     not_told: str = ""
     largest_real_part: tuple[float, float] | None = None
+    interpolation_error: Mapping[str, float | None] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-ready values; None where a margin or frequency is infinite, absent or not told."""
@@ -129,6 +134,8 @@ class Margins:
             told["not_told"] = self.not_told
         if self.largest_real_part is not None:
             told["largest_real_part"] = list(self.largest_real_part)
+        if self.interpolation_error is not None:
+            told["interpolation_error"] = {key: _json(value) for key, value in self.interpolation_error.items()}
         return told
 
 
@@ -217,7 +224,29 @@ def data_margins(data: FrequencyData) -> tuple[Margins, FrequencyAnswer]:
     `stable` is None, and with it the margins NaN, where the data do not tell; the answer's `reason` says why.
     """
     answer = from_data(data)
-    return _margins(0.0, answer.stable, answer.features, answer.reason), answer
+    found = _margins(0.0, answer.stable, answer.features, answer.reason)
+    return dataclasses.replace(found, interpolation_error=interpolation_errors(found, answer)), answer
+
+
+def interpolation_errors(m: Margins, answer: FrequencyAnswer) -> dict[str, float | None]:
+    """How far off each margin may be by interpolation, to first order; None where there is no crossing."""
+    axis = [c for c in m.crossings if c.kind == REAL_AXIS]
+    circle = [c for c in m.crossings if c.kind == UNIT_CIRCLE]
+    gain = phase = delay = None
+    if axis:
+        i = min(range(len(axis)), key=lambda k: abs(axis[k].gain_db))
+        gain = 20.0 / math.log(10.0) * float(answer.axis_error[i]) / abs(axis[i].value)
+    if circle:
+        i = min(range(len(circle)), key=lambda k: abs(circle[k].phase_deg))
+        phase = math.degrees(float(answer.circle_error[i]))
+        delay = max(float(e) / (_TWO_PI * c.frequency_hz) for c, e in zip(circle, answer.circle_error, strict=True))
+    return {
+        "gain_margin_db": gain,
+        "phase_margin_deg": phase,
+        "modulus_margin": answer.nearest_error,
+        "disk_margin": answer.disk_error,
+        "delay_margin_s": delay,
+    }
 
 
 def _margins(

@@ -1,265 +1,51 @@
-"""A rotorcraft known by its measured frequency response: CSV files written by others, and the loop closed with one.
-
-Such files are treated as hostile: every unit is said by a column's name or a line of the header, and what is missing,
-twice there, out of range or no number is refused with its line (docs/io_formats/frequency_response.md).
+"""The loop of a pilot and a rotorcraft known by its measured frequency response, judged by the Nyquist criterion.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
-
 import numpy as np
-import numpy.typing as npt
 
-from pilotgen.errors import FileError, PilotgenError
 from pilotgen.linear.pilot_model import PilotModel
-from pilotgen.linear.statespace import ComplexArray, FloatArray
 from pilotgen.loop.frequency_data import FrequencyAnswer, FrequencyData
 from pilotgen.loop.margins import Margins, data_margins
-from pilotgen.loop.rotorcraft_model import INPUT_FACTORS, OUTPUT_FACTORS
+from pilotgen.loop.rotorcraft_model import RotorcraftModel, measured_part
 
-MOST_BYTES = 400_000_000
-MOST_ROWS = 3_000_000
-LEAST_ROWS = 8
-_FREQUENCIES = {"frequency_hz": 2.0 * math.pi, "omega_rad_s": 1.0}
-_VALUES = (("real", "imag"), ("magnitude", "phase_deg"), ("magnitude", "phase_rad"), ("magnitude_db", "phase_deg"),
-           ("magnitude_db", "phase_rad"))  # fmt: skip
-_COLUMNS = (*_FREQUENCIES, "real", "imag", "magnitude", "magnitude_db", "phase_deg", "phase_rad", "coherence")
 _FINE = 4000  # frequencies at which the loop is looked at
 
 
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
-    """Blade pitch [rad] -> vertical acceleration of the seat [m/s^2, up positive] at rising frequencies.
-
-    Attributes
-    ----------
-    omega : ndarray, shape (m,)
-        [rad/s].
-    H : ndarray of complex, shape (m,)
-        The response there.
-    unstable_poles, poles_at_origin : int
-        Of the plant, as its file states.
-    path : str
-        For messages.
-    """
-
-    omega: FloatArray
-    H: ComplexArray
-    unstable_poles: int
-    poles_at_origin: int
-    path: str
-
-    @cached_property
-    def interpolation_error(self) -> float:
-        """How far off a value between the points may be, relative to the largest one.
-
-        The difference between the interpolant through all points and that through every other one, at the points left
-        out, over 16: a spline's error falls with the fourth power of the distance.
-        """
-        if len(self.omega) < 2 * LEAST_ROWS:
-            return math.inf
-        coarse = FrequencyResponse(self.omega[::2], self.H[::2], 0, 0, self.path)
-        left_out = self.omega[1:-1:2]
-        inside = left_out < coarse.omega[-1]
-        difference = coarse.at(left_out[inside]) - self.H[1:-1:2][inside]
-        return float(np.abs(difference).max() / 16.0 / np.abs(self.H).max())
-
-    def at(self, omega: npt.ArrayLike) -> ComplexArray:
-        """The response by cubic splines of real and imaginary part in ln omega.
-
-        Raises
-        ------
-        PilotgenError
-            A frequency is outside the band of the data.
-        """
-        from scipy.interpolate import CubicSpline
-
-        w = np.asarray(omega, dtype=float)
-        low, high = self.omega[0], self.omega[-1]
-        outside = (w < low * (1.0 - 1e-12)) | (w > high * (1.0 + 1e-12))
-        if outside.any():
-            hz = float(w[outside].ravel()[0]) / (2.0 * math.pi)
-            raise PilotgenError(
-                f"{self.path}: {hz:.4g} Hz is outside the data, {low / (2.0 * math.pi):.4g} to "
-                f"{high / (2.0 * math.pi):.4g} Hz; nothing is assumed there"
-            )
-        x = np.log(self.omega)
-        parts = CubicSpline(x, np.column_stack((self.H.real, self.H.imag)))(np.log(w))
-        value: ComplexArray = parts[..., 0] + 1j * parts[..., 1]
-        return value
-
-
 def measured_margins(
-    pilot: PilotModel, plant: FrequencyResponse, grip_gearing: float
+    pilot: PilotModel, rotorcraft: RotorcraftModel, grip_gearing: float, output: int = 0
 ) -> tuple[Margins, FrequencyAnswer]:
-    """Margins of a pilot's heave loop with a measured rotorcraft, by the Nyquist criterion.
+    """Margins of a pilot's loop with a measured rotorcraft, by the Nyquist criterion.
+
+    Between the points the pilot is exact and the rotorcraft a spline. The errors told are those of the spline, and of
+    the interpolation of the loop between the 4,000 frequencies at which it is looked at.
 
     Parameters
     ----------
     pilot : PilotModel
-        Heave in, collective rotation out.
-    plant : FrequencyResponse
-        Known in its band only.
+        One motion of the seat in.
+    rotorcraft : RotorcraftModel
+        Of that motion, with a `MeasuredRotorcraft` in it; known in its band only.
     grip_gearing : float
-        Blade pitch per rotation of the lever, G0 l [rad/rad].
+        Blade pitch per rotation of the control, G0 l [rad/rad].
+    output : int
+        Which of the pilot's outputs is the control.
     """
-    omega = np.geomspace(plant.omega[0], plant.omega[-1], _FINE)
+    data = measured_part(rotorcraft)
+    assert data is not None
+    omega = np.geomspace(data.omega[0], data.omega[-1], _FINE)
     own = np.abs(pilot.poles[pilot.poles.imag > 0.0])
     omega = np.unique(np.concatenate((omega, own[(own > omega[0]) & (own < omega[-1])])))
-    L = -grip_gearing * pilot.response(omega) * plant.at(omega)
-    integrators = pilot.integrators if pilot.washout_rad_s is None else 0
-    unstable = int((pilot.poles.real > 0.0).sum()) + plant.unstable_poles
-    return data_margins(FrequencyData(omega, L, unstable, integrators + plant.poles_at_origin))
-
-
-# ---- reading
-
-
-def read_frequency_response(path: Path) -> FrequencyResponse:
-    """Read a CSV file of a measured rotorcraft.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or a unit, sign, column or number is missing or wrong; lines are told.
-    """
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise FileError(
-                f"{path}: more than {MOST_BYTES // 1_000_000} MB; a frequency response of that size is not read"
-            )
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except UnicodeDecodeError as error:
-        raise FileError(f"{path}: not UTF-8 text (byte {error.start}); save it as CSV in UTF-8") from None
-    said: dict[str, str] = {}
-    header: list[str] | None = None
-    separator, first, rows = ",", 0, []
-    for number, line in enumerate(text.splitlines(), start=1):
-        stripped = line.strip()
-        if not stripped:
-            continue
-        if stripped.startswith("#"):
-            key, colon, value = stripped.lstrip("# ").partition(":")
-            if colon:
-                said.setdefault(key.strip().lower(), value.strip())
-            continue
-        if header is None:
-            separator = ";" if ";" in stripped else "\t" if "\t" in stripped else ","
-            header = [name.strip().strip('"').lower() for name in stripped.split(separator)]
-            _check_header(path, number, header)
-            first = number
-            continue
-        rows.append((number, stripped))
-        if len(rows) > MOST_ROWS:
-            raise FileError(f"{path}: more than {MOST_ROWS} rows; thin the data")
-    if header is None:
-        raise FileError(f"{path}: no line with column names; wanted are {', '.join(_FREQUENCIES)} and values, by name")
-    if len(rows) < LEAST_ROWS:
-        raise FileError(f"{path}:{first}: {len(rows)} rows follow; {LEAST_ROWS} or more are wanted")
-    table = _table(path, header, separator, rows)
-    gain = _stated(path, said, "input_unit", INPUT_FACTORS) * _stated(path, said, "output_unit", OUTPUT_FACTORS)
-    gain *= _stated(path, said, "output_positive", {"up": 1.0, "down": -1.0})
-    counts = [_count(path, said, key) for key in ("unstable_poles", "poles_at_origin")]
-    key = next(name for name in _FREQUENCIES if name in table)
-    omega = table[key] * _FREQUENCIES[key]
-    order = np.argsort(omega, kind="stable")
-    lines = np.array([number for number, _ in rows])[order]
-    omega, H = omega[order], (gain * _response(path, table))[order]
-    if omega[0] <= 0.0:
-        raise FileError(f"{path}:{lines[0]}: frequency {table[key][order][0]:g}; frequencies start above zero")
-    twice = np.flatnonzero(np.diff(omega) <= 0.0)
-    if len(twice):
-        i = int(twice[0])
-        raise FileError(
-            f"{path}:{lines[i + 1]}: the frequency of line {lines[i]} once more; average or remove one of the two"
-        )
-    return FrequencyResponse(omega, H, counts[0], counts[1], str(path))
-
-
-def _check_header(path: Path, number: int, header: Sequence[str]) -> None:
-    where = f"{path}:{number}"
-    if any(re.fullmatch(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)?", name) for name in header):
-        raise FileError(f"{where}: numbers where column names are wanted, such as frequency_hz,magnitude_db,phase_deg")
-    unknown = [name for name in header if name not in _COLUMNS]
-    if unknown:
-        raise FileError(f"{where}: column {unknown[0][:40]!r} is not known; known: {', '.join(_COLUMNS)}")
-    if len(set(header)) != len(header):
-        raise FileError(f"{where}: a column stands twice")
-    if sum(name in header for name in _FREQUENCIES) != 1:
-        raise FileError(f"{where}: exactly one of {', '.join(_FREQUENCIES)} is wanted; the unit is in the name")
-    values = [name for name in header if name not in _FREQUENCIES and name != "coherence"]
-    if not any(set(pair) == set(values) for pair in _VALUES):
-        pairs = " or ".join(f"{a} and {b}" for a, b in _VALUES)
-        raise FileError(f"{where}: values are {', '.join(values) or 'missing'}; wanted are {pairs}")
-
-
-def _table(path: Path, header: Sequence[str], separator: str, rows: Sequence[tuple[int, str]]) -> dict[str, FloatArray]:
-    try:
-        values = np.loadtxt([line for _, line in rows], delimiter=separator, ndmin=2, comments=None)
-        if values.shape[1] != len(header):
-            raise ValueError
-    except ValueError:
-        for number, line in rows:
-            cells = line.split(separator)
-            if len(cells) != len(header):
-                hint = "; decimal commas? write 1.5, not 1,5" if separator == "," and len(cells) > len(header) else ""
-                raise FileError(
-                    f"{path}:{number}: {len(cells)} values where {len(header)} columns are named{hint}"
-                ) from None
-            for name, cell in zip(header, cells, strict=True):
-                try:
-                    float(cell)
-                except ValueError:
-                    comma = re.fullmatch(r"\s*[-+]?[0-9]*,[0-9]+([eE][-+]?[0-9]+)?\s*", cell)
-                    hint = "; the decimal point is a point" if comma else ""
-                    raise FileError(f"{path}:{number}: {name} = {cell.strip()[:40]!r} is no number{hint}") from None
-        raise
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
-        row, column = bad[0]
-        raise FileError(
-            f"{path}:{rows[row][0]}: {header[column]} = {values[row, column]} is not finite; remove the row"
-        )
-    return {name: values[:, k] for k, name in enumerate(header)}
-
-
-def _response(path: Path, table: Mapping[str, FloatArray]) -> ComplexArray:
-    if "real" in table:
-        return np.asarray(table["real"] + 1j * table["imag"], dtype=np.complex128)
-    if "magnitude" in table:
-        size = table["magnitude"]
-        if (size < 0.0).any():
-            raise FileError(f"{path}: magnitude holds a negative number; decibels are called magnitude_db")
-    else:
-        size = 10.0 ** (np.clip(table["magnitude_db"], -6000.0, 6000.0) / 20.0)
-    phase = np.radians(table["phase_deg"]) if "phase_deg" in table else table["phase_rad"]
-    if "phase_rad" in table and np.abs(phase).max() > 200.0:
-        raise FileError(f"{path}: phase_rad reaches {np.abs(phase).max():.4g} rad; degrees are called phase_deg")
-    value: ComplexArray = np.asarray(size * np.exp(1j * phase), dtype=np.complex128)
-    return value
-
-
-def _stated(path: Path, said: Mapping[str, str], key: str, known: Mapping[str, float]) -> float:
-    value = said.get(key)
-    if value not in known:
-        came = "is missing" if value is None else f"= {value[:40]!r} is not known"
-        raise FileError(f"{path}: {key} {came}; write a line '# {key}: ...' with one of {', '.join(known)}")
-    return known[str(value)]
-
-
-def _count(path: Path, said: Mapping[str, str], key: str) -> int:
-    value = said.get(key)
-    if value is None or not value.isdecimal() or len(value) > 3:
-        came = "is missing" if value is None else f"= {value[:40]!r} is no whole number"
-        raise FileError(f"{path}: {key} {came}; write a line '# {key}: 0', without which stability cannot be told")
-    return int(value)
+    control = -grip_gearing * pilot.response(omega, output)
+    H = rotorcraft.response(omega)
+    L = control * H
+    with np.errstate(divide="ignore", invalid="ignore"):
+        chain = np.where(data.at(omega) == 0.0, 0.0, np.abs(H) / np.abs(data.at(omega)))
+    error = np.abs(control) * chain * data.error_at(omega)
+    tilts = pilot.tilt is not None and bool(pilot.tilt[output].any())
+    integrators = 0 if pilot.washout_rad_s is not None else max(pilot.integrators, 2 if tilts else 0)
+    unstable = int((pilot.poles.real > 0.0).sum()) + data.unstable_poles
+    return data_margins(FrequencyData(omega, L, unstable, integrators + data.poles_at_origin, error))

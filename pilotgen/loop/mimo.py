@@ -21,7 +21,8 @@ from pilotgen.errors import PilotgenError, StudyError
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
 from pilotgen.loop.margins import Margins, margins
-from pilotgen.loop.plants import CONTROLS, MatrixPlant
+from pilotgen.loop.plants import MatrixPlant
+from pilotgen.loop.units import CONTROLS
 
 BAND_HZ = (0.05, 30.0)
 

@@ -23,23 +23,11 @@ from pilotgen.linear.imposed_motion import PEDALS, SEAT_MOTIONS
 from pilotgen.linear.statespace import FloatArray
 from pilotgen.loop.loop_file import read_values
 from pilotgen.loop.rotorcraft_model import pade_delay
+from pilotgen.loop.units import CONTROLS, OUTPUT_FACTORS, POSITIVE
 from pilotgen.study.yaml_file import bundled
 
-CONTROLS: Mapping[str, tuple[str, str, str]] = {  # output of the pilot, positive word, its opposite
-    "collective": ("collective_rotation", "up", "down"),
-    "longitudinal": ("cyclic_aft", "aft", "forward"),
-    "lateral": ("cyclic_right", "right", "left"),
-}
-_POSITIVE: Mapping[str, tuple[str, str]] = {
-    "heave": ("up", "down"),
-    "surge": ("forward", "aft"),
-    "sway": ("right", "left"),
-    "roll": ("right", "left"),
-    "pitch": ("up", "down"),
-    "yaw": ("right", "left"),
-}
 _INPUT_UNITS = {"rad": 1.0, "deg": math.degrees(1.0), "percent": 1.0}  # per rad; percent stays percent of travel
-_OUTPUT_UNITS = {"m/s^2": 1.0, "ft/s^2": 0.3048, "g": 9.80665, "rad/s^2": 1.0, "deg/s^2": math.radians(1.0)}
+_OUTPUT_UNITS = OUTPUT_FACTORS
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,10 +142,10 @@ def plant_from(data: Mapping[str, Any], where: str) -> MatrixPlant:
         delays.append(float(signal.get("delay_s", 0.0)))
     motions, out = [], []
     for signal in outputs:
-        motion, unit = _said(signal, "motion", _POSITIVE, where), _said(signal, "unit", _OUTPUT_UNITS, where)
+        motion, unit = _said(signal, "motion", POSITIVE, where), _said(signal, "unit", _OUTPUT_UNITS, where)
         if ("rad" in unit or "deg" in unit) != SEAT_MOTIONS[motion].rotation:
             raise FileError(f"{where}: output {motion!r} cannot be in {unit}")
-        positive, negative = _POSITIVE[motion]
+        positive, negative = POSITIVE[motion]
         sign = _said(signal, "positive", {positive: 1.0, negative: -1.0}, where)
         motions.append(motion)
         out.append(_OUTPUT_UNITS[unit] * (1.0 if sign == positive else -1.0))

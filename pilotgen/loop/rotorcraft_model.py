@@ -10,7 +10,6 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +21,9 @@ import numpy.typing as npt
 from pilotgen.errors import FileError, PilotgenError
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import ComplexArray, StateSpaceModel, series, transfer_function, zeros_poles_gain
+from pilotgen.loop.frequency_file import FrequencyResponse, read_frequency_response
 from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.units import COLLECTIVE, HEAVE, stated_gain
 from pilotgen.study.fields import Mistake
 from pilotgen.study.rotorcraft import Rotorcraft
 
@@ -55,7 +56,11 @@ def rotorcraft_model(rotorcraft: Rotorcraft) -> RotorcraftModel:
     StudyError
         An inflow lead without an actuator: no proper model.
     """
-    base: RotorcraftModel = HeaveModel(rotorcraft) if rotorcraft.plant_file is None else read_plant(rotorcraft)
+    base: RotorcraftModel
+    if rotorcraft.frequency_response is not None:
+        base = MeasuredRotorcraft(read_frequency_response(Path(rotorcraft.frequency_response)))
+    else:
+        base = HeaveModel(rotorcraft) if rotorcraft.plant_file is None else read_plant(rotorcraft)
     parts = chain_of(rotorcraft)
     return Chained(base, parts, rotorcraft.delay_s) if parts is not None or rotorcraft.delay_s else base
 
@@ -145,8 +150,8 @@ class Chained:
 
     @cached_property
     def partial_fractions(self) -> PartialFractions | None:
-        """As a sum over the poles; None where they are (nearly) equal."""
-        return fractions_of(self.state_space)
+        """As a sum over the poles; None where they are (nearly) equal, or not known."""
+        return None if measured_part(self) is not None else fractions_of(self.state_space)
 
     def response(self, omega: npt.ArrayLike) -> ComplexArray:
         """H(j omega) [m/s^2 per rad]."""
@@ -159,6 +164,40 @@ def fractions_of(model: StateSpaceModel) -> PartialFractions | None:
     """A state space as a sum over its poles; None where two of them are (nearly) equal."""
     poles, residues = poles_and_residues(model.A, model.B, model.C)
     return None if residues is None else PartialFractions(poles, residues, model.D)
+
+
+# ---- known by its frequency response
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRotorcraft:
+    """A rotorcraft that is known at frequencies only."""
+
+    data: FrequencyResponse
+
+    @property
+    def state_space(self) -> StateSpaceModel:
+        """There is none: PilotgenError."""
+        raise PilotgenError(
+            f"{self.data.path}: the rotorcraft is known by its frequency response only; it has no state space, and "
+            "poles of the closed loop cannot be told"
+        )
+
+    @property
+    def partial_fractions(self) -> PartialFractions | None:
+        """None: its poles are not known."""
+        return None
+
+    def response(self, omega: npt.ArrayLike) -> ComplexArray:
+        """H(j omega), omega in rad/s, any shape; PilotgenError outside the band of the data."""
+        return self.data.at(omega)
+
+
+def measured_part(model: RotorcraftModel) -> FrequencyResponse | None:
+    """The data of a rotorcraft that is known by its frequency response; None of any other."""
+    while isinstance(model, Chained):
+        model = model.base
+    return model.data if isinstance(model, MeasuredRotorcraft) else None
 
 
 # ---- plants from files
@@ -180,9 +219,7 @@ class PlantFile:
         return self.state_space.response(omega)
 
 
-INPUT_FACTORS: Mapping[str, float] = {"rad": 1.0, "deg": math.degrees(1.0)}
-OUTPUT_FACTORS: Mapping[str, float] = {"m/s^2": 1.0, "g": 9.80665, "ft/s^2": 0.3048}
-_SIGNS = {"up": 1.0, "down": -1.0}
+_STATED = ("input_unit", "input_positive", "input_control", "output_unit", "output_positive", "output_motion")
 
 
 def read_plant(rotorcraft: Rotorcraft) -> PlantFile:
@@ -201,8 +238,8 @@ def read_plant(rotorcraft: Rotorcraft) -> PlantFile:
 
     path = Path(rotorcraft.plant_file or "")
     values = read_values(path)
-    gain = _stated(path, values, "output_unit", OUTPUT_FACTORS)
-    gain *= _stated(path, values, "output_positive", _SIGNS) * _stated(path, values, "input_unit", INPUT_FACTORS)
+    said = {key: _text(values.get(key)) for key in _STATED}
+    gain = stated_gain(said, HEAVE, COLLECTIVE, str(path), "a plant says it:")
     found = read_loop(path).loop  # checked whole, whatever its form
     if isinstance(found, StateSpaceModel):
         model = found
@@ -212,15 +249,14 @@ def read_plant(rotorcraft: Rotorcraft) -> PlantFile:
         zeros, poles = ([complex(*np.ravel(r)) for r in values[key]] for key in ("zeros", "poles"))
         model = zeros_poles_gain(zeros, poles, float(np.ravel(values["gain"])[0]))
     else:
-        raise FileError(f"{path}: frequency response data; a plant of a study is a state space or a transfer function")
+        raise FileError(
+            f"{path}: frequency response data; rotorcraft.frequency_response takes them, as a CSV file "
+            "(docs/io_formats/frequency_response.md)"
+        )
     return PlantFile(model.scaled(gain) if gain != 1.0 else model)
 
 
-def _stated(path: Path, values: Mapping[str, Any], key: str, known: Mapping[str, float]) -> float:
-    given = values.get(key)
+def _text(given: Any) -> str | None:
     if isinstance(given, np.ndarray) and given.size == 1:  # text in a .mat file
-        given = str(given.ravel()[0])
-    if not isinstance(given, str) or given not in known:
-        came = "is missing" if given is None else f"= {str(given)[:40]!r} is not known"
-        raise FileError(f"{path}: {key} {came}; a plant says it: one of {', '.join(known)}")
-    return known[given]
+        given = given.ravel()[0]
+    return None if given is None else str(given)

@@ -23,7 +23,7 @@ from pilotgen.study.yaml_file import YamlDocument, bundled
 HEAVE_NUMBERS = tuple(
     key for key, path in members("rotorcraft").items() if SCHEMA[path].numeric and SCHEMA[path].default is REQUIRED
 )
-_FILES = ("state_space", "transfer_function")
+_FILES = ("state_space", "transfer_function", "frequency_response")
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,7 @@ class Rotorcraft:
     source: str = "study file"
     state_space: str | None = None
     transfer_function: str | None = None
+    frequency_response: str | None = None
     inflow_lead_rad_s: float | None = None
     delay_s: float = 0.0
     actuator: Mapping[str, Any] | None = None
@@ -54,7 +55,7 @@ class Rotorcraft:
     @property
     def plant_file(self) -> str | None:
         """The file with the dynamics, if there is one."""
-        return self.state_space or self.transfer_function
+        return self.state_space or self.transfer_function or self.frequency_response
 
     def given(self) -> dict[str, Any]:
         """What a study file has to say of it: no symbol that is not there, no part that is left out."""
@@ -97,8 +98,9 @@ class Rotorcraft:
                 getattr(self, given[0]),
                 "means nothing beside a file with the whole dynamics; remove it",
             )
-        if self.state_space is not None and self.transfer_function is not None:
-            raise Mistake("rotorcraft.transfer_function", self.transfer_function, "and state_space exclude each other")
+        first, *others = [key for key in _FILES if getattr(self, key) is not None]
+        if others:
+            raise Mistake(f"rotorcraft.{others[0]}", getattr(self, others[0]), f"and {first} exclude each other")
 
 
 def beside(document: YamlDocument, checked: Any) -> tuple[Any, str]:

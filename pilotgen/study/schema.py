@@ -78,7 +78,7 @@ SCHEMA: Mapping[str, Field] = {
     "rotorcraft": Section(
         words=lambda: tuple(bundled("rotorcraft").value),
         unknown=_rotor_speed_in_another_unit,
-        instead=("state_space", "transfer_function"),
+        instead=("state_space", "transfer_function", "frequency_response"),
         meaning="a bundled rotorcraft, or a mapping with the symbols of its heave model or a file of its dynamics",
     ),
     "rotorcraft.mass_kg": Number(100.0, 100_000.0, "kg", hint="the total mass of the vehicle", meaning="total mass"),
@@ -113,6 +113,9 @@ SCHEMA: Mapping[str, Field] = {
         default=None, null=True, meaning="file with the dynamics instead of the symbols above, beside the study file"
     ),
     "rotorcraft.transfer_function": Text(default=None, null=True, meaning="the same as a transfer function"),
+    "rotorcraft.frequency_response": Text(
+        default=None, null=True, meaning="CSV file with a frequency response, instead of the symbols"
+    ),
     "rotorcraft.inflow_lead_rad_s": Number(
         1.0, 200.0, "rad/s", default=None, null=True, meaning="zero of the thrust's overshoot before the inflow follows"
     ),
