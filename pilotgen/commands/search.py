@@ -17,6 +17,7 @@ from pilotgen.errors import IncompleteOutput
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
     from pilotgen.runs.session import Run
+    from pilotgen.study.study import Study
 
 
 def add_parser(commands: Any) -> None:
@@ -88,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
                 )
             except IncompleteOutput as problem:
                 incomplete = problem
-        print_worst(args.study, done, options.solver)
+        print_worst(study, args.study, done, options.solver)
     if incomplete is not None:
         raise incomplete
     if not done.any_ok:
@@ -120,12 +121,16 @@ def progress_text(progress: Progress, left: str) -> str:
     return " | ".join(part for part in parts if part)
 
 
-def print_worst(study_path: Path, done: Run, solver: str) -> None:
-    """Print the worst pilots of study.h5, the failures by reason, and where everything is."""
+def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:
+    """Print the worst pilots of study.h5, how rare the worst is, the failures by reason, and where everything is."""
+    from pilotgen.report import findings
     from pilotgen.runs.batch import failures_by_reason, replay_command
     from pilotgen.runs.results import read_results
 
-    for text in worst_table(read_results(done.path)):
+    results = read_results(done.path)
+    for text in worst_table(results):
+        print(text)
+    for text in findings.rarity(study, results):
         print(text)
     progress = done.progress
     print(
@@ -145,19 +150,23 @@ def print_worst(study_path: Path, done: Run, solver: str) -> None:
 def worst_table(results: Any, count: int = 10) -> list[str]:
     """The worst pilots of a study as lines of a table, in the order of the report; nearly equal pilots count as one."""
     from pilotgen.objectives import OBJECTIVES
+    from pilotgen.population.region import beyond, one_in
     from pilotgen.report import findings
+    from pilotgen.runs.results import DISTANCE
 
     columns = results.columns
     order = findings.worst_order(results)
     if not len(order):
         return ["no pilot could be evaluated"]
     heads = [*results.names, *(row.heading for row in OBJECTIVES.values()), "stable"]
+    heads += ["how rare"] if DISTANCE in columns else []
     table = [heads]
     for k in findings.distinct(results, order, count):
         table.append(
             [f"{value:.4g}" for value in columns["inputs"][k]]
             + [f"{columns[row.key][k]:.{row.digits}f}" for row in OBJECTIVES.values()]
             + ["yes" if columns["stable"][k] == 1 else "NO"]
+            + ([one_in(beyond(columns[DISTANCE][k]))] if DISTANCE in columns else [])
         )
     widths = [max(len(row[j]) for row in table) for j in range(len(heads))]
     return ["worst pilots"] + [

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from pilotgen.errors import StudyError
 
@@ -75,6 +75,11 @@ class Joint:
         """Age, stature and mass of independent standard normal scores; both of shape (n, 3)."""
         scores = independent @ self.root.T
         return np.column_stack([one.of_scores(scores[:, k]) for k, one in enumerate(self.marginals)])
+
+    def independent(self, people: np.ndarray) -> np.ndarray:
+        """Independent standard normal scores of age, stature and mass, both of shape (n, 3); undoes `people`."""
+        scores = np.column_stack([ndtri(one.below(people[:, k])) for k, one in enumerate(self.marginals)])
+        return np.asarray(np.linalg.solve(self.root, scores.T).T)
 
 
 def bundled_joint(numbers: Mapping[str, Any]) -> Joint:

@@ -17,7 +17,9 @@ import numpy as np
 from pilotgen.figures.study import Curve
 from pilotgen.figures.style import quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES
-from pilotgen.runs.results import StudyResults
+from pilotgen.population.region import Region, rarity_text, region_of
+from pilotgen.runs.results import DISTANCE, StudyResults
+from pilotgen.study.study import Study
 
 SAME_PILOT = 0.10  # share of the box: pilots that differ by no more in any variable count as one in tables
 AT_BOUND = 0.01  # share of the box: this near a bound is at the bound
@@ -194,7 +196,32 @@ def bounds_met(results: StudyResults, worst: int, front: np.ndarray) -> list[Bou
     return found
 
 
-def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve]) -> str:
+def rarity(study: Study, results: StudyResults) -> list[str]:
+    """How rare the worst pilot of a search in the region of a population is, and whether its edge stopped the search.
+
+    Empty for other studies.
+    """
+    order = worst_order(results)
+    if DISTANCE not in results.columns or not len(order):
+        return []
+    region = region_of(study)
+    if region is None:
+        return []
+    distance = float(results.columns[DISTANCE][order[0]])
+    told = [f"How rare the worst pilot is: {rarity_text(region.who, distance)}."]
+    values = dict(zip(results.names, results.columns["inputs"][order[0]].tolist(), strict=True))
+    met = [
+        f"{quantity(name).text(limit)}"
+        for name, ends in region.limits.items()
+        for limit in ends
+        if name in values and abs(values[name] - limit) <= 1e-6 * abs(limit)
+    ]
+    if distance >= region.radius * (1.0 - AT_BOUND):
+        met.append(f"the surface of the region that holds {region.text}")
+    return told + ([f"The search stopped at {' and '.join(met)}: rarer pilots may be worse."] if met else [])
+
+
+def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve], region: Region | None = None) -> str:
     """A sentence if the curves through the worst pilot find a worse one: the search has not come to its end.
 
     Worse: neither margin is larger, and one is smaller by at least `TELLING`. Nothing is said if the study minimises
@@ -208,6 +235,10 @@ def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve]) 
         capped = np.stack([np.clip(curve.margins[row.key], -row.cap, row.cap) for row in MARGINS])
         loss = np.nan_to_num(own - capped, nan=-1.0)  # (2, k); positive where the pilot on the curve is worse
         largest = np.where((loss >= 0.0).all(axis=0), loss.max(axis=0), 0.0)
+        if region is not None:  # who is outside was not to be found
+            people = np.tile(results.columns["inputs"][worst], (len(curve.values), 1))
+            people[:, results.names.index(curve.name)] = curve.values
+            largest = np.where(region.holds(people), largest, 0.0)
         k = int(np.argmax(largest))
         if largest[k] >= TELLING:
             told = [

@@ -19,9 +19,10 @@ from pilotgen.figures import loop as loop_figures
 from pilotgen.figures import study as study_figures
 from pilotgen.figures.style import png, quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
+from pilotgen.population.region import Region, beyond, one_in, region_of
 from pilotgen.report import findings
 from pilotgen.report.findings import replay, typeset_number
-from pilotgen.runs.results import StudyResults
+from pilotgen.runs.results import DISTANCE, StudyResults
 from pilotgen.study.study import Study
 from pilotgen.summary import caveats
 
@@ -83,6 +84,7 @@ def render(
     """
     columns = results.columns
     worst = int(order[0]) if len(order) else None
+    region = region_of(study) if DISTANCE in columns else None
     count, failed = len(columns["status"]), int((columns["status"] != "ok").sum())
     content: dict[str, Any] = {
         "study": study,
@@ -91,7 +93,7 @@ def render(
         "count": count,
         "failed": failed,
         "generations": len(results.members),
-        "settings": _settings(study, results),
+        "settings": _settings(study, results, region),
         "failures": _failure_table(results, solver),
         "extrapolations": None if rows is None else findings.extrapolations(rows),
         "worst": worst,
@@ -104,8 +106,9 @@ def render(
             "verdict": findings.verdict(results, worst, study.rotorcraft.name),
             "nominal": _nominal_sentence(study, repeated),
             "rule": findings.how_far(results, worst, study.limits),
-            "bounds": [bound.sentence for bound in findings.bounds_met(results, worst, front)],
-            "unfinished": findings.worse_on_curves(results, worst, repeated.curves) if repeated else "",
+            "bounds": findings.rarity(study, results)
+            or [bound.sentence for bound in findings.bounds_met(results, worst, front)],
+            "unfinished": findings.worse_on_curves(results, worst, repeated.curves, region) if repeated else "",
             "no_phase": PHASE_MARGIN.key not in study_figures.shown_margins(results),
             "trends": [
                 (trend, findings.curve_sentence(curve) if curve else "")
@@ -216,7 +219,7 @@ def _curves_caption(is_search: bool, with_curves: bool) -> str:
 # ---- tables and sentences
 
 
-def _settings(study: Study, results: StudyResults) -> list[tuple[str, str]]:
+def _settings(study: Study, results: StudyResults, region: Region | None) -> list[tuple[str, str]]:
     box = "; ".join(
         f"{quantity(name).name} {low:g} to {high:g} {quantity(name).unit}".rstrip()
         for name, low, high in zip(results.names, results.lower, results.upper, strict=True)
@@ -229,7 +232,9 @@ def _settings(study: Study, results: StudyResults) -> list[tuple[str, str]]:
             "pilot model",
             "multibody, generated decks" if study.pilot.model == "multibody" else "Mayo's transfer function",
         ),
-        ("search box", box),
+        ("search box", box)
+        if region is None
+        else ("search in", f"the region that holds {region.text}, distance up to {region.radius:.3f}: {box}"),
         (
             "evaluations",
             f"{len(results.columns['status'])}, of which {int((results.columns['status'] != 'ok').sum())} failed",
@@ -290,7 +295,7 @@ def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[
     heads = [quantity(name).axis for name in results.names] + [DERIVED[name][0] for name in derived]
     for row in OBJECTIVES.values():
         heads += [row.heading] + (["at [Hz]"] if row in MARGINS else [])
-    heads.append("closed loop")
+    heads += ["closed loop", *(["how rare"] if DISTANCE in columns else [])]
     lines = []
     for k in chosen.tolist():
         cells = [f"{value:.4g}" for value in columns["inputs"][k]]
@@ -301,6 +306,8 @@ def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[
                 hz = float(columns[row.at][k])
                 cells.append(typeset_number(hz, 2) if np.isfinite(hz) else "–")
         cells.append("stable" if columns["stable"][k] == 1 else "UNSTABLE")
+        if DISTANCE in columns:
+            cells.append(one_in(beyond(float(columns[DISTANCE][k]))))
         lines.append({"cells": cells, "replay": replay(results, k, STUDY_FILE, solver)})
     return {"heads": heads, "lines": lines}
 

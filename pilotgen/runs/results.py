@@ -45,6 +45,8 @@ COLUMNS: dict[str, Column] = {
     "delay_margin_s": Column(("loop", "delay_margin_s"), infinite=True),
 }
 
+DISTANCE = "mahalanobis_distance"  # of searches in the region of a population, a column of its own
+
 # How names end -> unit; the longest that fits counts. A number without a unit in its name has none.
 _UNITS = {
     "years": "years", "bmi": "kg/m^2", "m": "m", "mm": "mm", "kg": "kg", "s": "s", "hz": "Hz", "deg": "deg", "db": "dB",

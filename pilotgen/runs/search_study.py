@@ -13,10 +13,11 @@ import numpy as np
 
 from pilotgen.errors import FileError, StudyError
 from pilotgen.objectives import ranked_objectives
+from pilotgen.population.region import region_of
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.journal import Journal
 from pilotgen.runs.options import RunOptions
-from pilotgen.runs.results import Row, columns_of, write_results
+from pilotgen.runs.results import DISTANCE, Row, columns_of, write_results
 from pilotgen.runs.session import Run, Say, open_batch, provenance
 from pilotgen.study.study import SearchSettings, Study
 
@@ -56,6 +57,7 @@ def search_study(
     options = options or RunOptions()
     settings = study.search
     check_algorithm(settings)
+    region = region_of(study)
     progress = Progress()
     rows: list[Row] = []
     with open_batch(study, directory, "search", options, settings.population, on_progress, progress, say) as batch:
@@ -63,28 +65,32 @@ def search_study(
         progress.generations, progress.total = settings.generations, settings.generations * settings.population
         from pilotgen.search import Problem, run_search  # while the workers warm up
 
-        problem = Problem.from_settings(settings)
+        problem = Problem.from_settings(settings, region)
 
         def evaluate(X: np.ndarray, generation: int) -> np.ndarray:
             progress.generation = generation
-            results = batch.evaluate([problem.values(x) for x in X])
+            pilots = problem.pilots(X)
+            results = batch.evaluate(pilots)
             F = np.full((len(X), problem.n_obj), np.nan)
-            for k, (x, result) in enumerate(zip(X, results, strict=True)):
-                rows.append(Row(generation, k, problem.values(x), result))
+            for k, (pilot, result) in enumerate(zip(pilots, results, strict=True)):
+                rows.append(Row(generation, k, pilot, result))
                 if result["status"] == "ok":
                     F[k] = ranked_objectives(result, settings.objectives)
             batch.report(milestone=True)
             return F
 
         found = run_search(problem, settings, evaluate)
+        columns = columns_of(rows, problem.names, found.F, found.rank)
+        if region is not None:
+            columns[DISTANCE] = region.distance(columns["inputs"])
         write_results(
             directory / RESULTS_NAME,
             provenance(study, "search", batch, settings.seed, found.stopped_by, options.mbdae),
             problem.names,
-            problem.xl,
-            problem.xu,
+            problem.extent[0],
+            problem.extent[1],
             problem.objectives,
-            columns_of(rows, problem.names, found.F, found.rank),
+            columns,
             found.members,
             found.front,
         )

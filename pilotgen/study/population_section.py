@@ -87,3 +87,57 @@ def _own(given: Mapping[str, Any]) -> dict[str, Any]:
         raise Mistake("population.own", "a mapping", f"lacks {', '.join(missing)}; add it")
     usual = {"age_years": "normal", "stature_m": "normal", "mass_kg": "lognormal"}
     return {"mean": mean, "covariance": covariance, "marginals": {**usual, **(given.get("marginals") or {})}}
+
+
+def within_rows(model: str) -> dict[str, Field]:
+    """Rows of `search.within` for the schema; `model` is the pilot model that has bodies."""
+    return {
+        "search.within": Section(
+            default=None, null=True, model=model, meaning="search in the region of a population, not in all of the box"
+        ),
+        "search.within.population": Choice(
+            BUNDLED, default=None, null=True, meaning="whose; null: that of the section `population`"
+        ),
+        "search.within.probability": Number(
+            0.01,
+            0.9999,
+            "",
+            default=0.99,
+            hint="a fraction: 99 % is 0.99",
+            meaning="how much of the population the region holds",
+        ),
+    }
+
+
+def within_from(data: Mapping[str, Any] | None, variables: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return `search.within` complete, None without it. Raises Mistake if the search varies other than people."""
+    if data is None:
+        return None
+    for name in variables:
+        if name not in FILTERED:
+            raise Mistake(
+                f"search.variables.{name}",
+                list(variables[name]),
+                "is nothing that a population has; search it in a box, without search.within, or set it in its place",
+            )
+    missing = [name for name in ("age_years", "stature_m") if name not in variables]
+    missing += [] if "mass_kg" in variables or "bmi" in variables else ["mass_kg or bmi"]
+    if missing:
+        raise Mistake(
+            "search.variables",
+            list(variables),
+            f"lacks {' and '.join(missing)}: in the region of a population age, stature and mass vary together",
+        )
+    return {"population": None, "probability": 0.99, **data}
+
+
+def check_within(within: Mapping[str, Any] | None, population: Mapping[str, Any], sex: str) -> None:
+    """Raise Mistake if a search is to stay within a population that is not there or of the other sex."""
+    if within is None:
+        return
+    who = within["population"] or population["people"]
+    if who is None:
+        raise Mistake("search.within", "a mapping", f"names no population; choose one of: {', '.join(BUNDLED)}")
+    wanted = {"ansur2-men": "male", "ansur2-women": "female"}.get(who, sex)
+    if wanted != sex:
+        raise Mistake("search.within.population", who, f"does not go with pilot.sex = {sex!r}; write sex: {wanted}")

@@ -36,7 +36,7 @@ from pilotgen.study.fields import (
     bounds,
     did_you_mean,
 )
-from pilotgen.study.population_section import population_rows
+from pilotgen.study.population_section import population_rows, within_rows
 from pilotgen.study.seated_rows import SEATED_ROWS
 from pilotgen.study.yaml_file import bundled
 
@@ -343,6 +343,7 @@ SCHEMA: Mapping[str, Field] = {
         hint="a fraction: 90 % is 0.90; write null to run all generations",
         meaning="stop when so many of the population are rank one; null to run all generations",
     ),
+    **within_rows(MULTIBODY),
     # ---- people
     **population_rows(MULTIBODY, _height_hint),
     # ---- sensitivity

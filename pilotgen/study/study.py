@@ -21,7 +21,7 @@ from typing import Any
 from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
 from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, Value, shown
-from pilotgen.study.population_section import population_from
+from pilotgen.study.population_section import check_within, population_from, within_from
 from pilotgen.study.reader import read_tree
 from pilotgen.study.rotorcraft import Rotorcraft, beside, rotorcraft_from
 from pilotgen.study.schema import (
@@ -96,6 +96,7 @@ class SearchSettings:
     seed: int
     algorithm: str  # "goldberg" | "nsga2"
     stop_rank_one_fraction: float | None  # stop when so many of the population are rank one; None: never
+    within: dict[str, Any] | None = None  # `population`, `probability` of the region to stay in; None: all of the box
 
 
 @dataclass(frozen=True)
@@ -463,7 +464,8 @@ def _nominal(data: str | Mapping[str, float]) -> dict[str, float]:
 
 
 def _search(data: Mapping[str, Any]) -> SearchSettings:
-    settings = SearchSettings(**{**defaults("search"), **data})
+    within = within_from(data.get("within"), data["variables"])
+    settings = SearchSettings(**{**defaults("search"), **data, "within": within})
     if settings.stop_rank_one_fraction == 0.0:
         raise Mistake("search.stop_rank_one_fraction", 0.0, "would stop at once; write null to run all generations")
     if settings.algorithm == "nsga2" and settings.population % 2:
@@ -494,6 +496,7 @@ def _check_together(study: Study) -> None:
     """Raise Mistake if sections that are right one by one contradict each other."""
     if not set(study.nominal) <= set(PILOT_VALUES[study.pilot.model]):
         raise Mistake("nominal", study.nominal, f"is no pilot of pilot.model = {study.pilot.model!r}")
+    check_within(study.search.within, study.population, study.pilot.sex)
     delay_s = study.pilot.reflex_delay_s
     if delay_s > 0.0 and study.pilot.projection == "literal":
         raise Mistake("pilot.reflex_delay_s", delay_s, "needs pilot.projection = 'exact'; eq. (31) knows no delay")
