@@ -241,16 +241,23 @@ def study_of(context: EvaluationContext, values: Mapping[str, Any]) -> tuple[Stu
         raise EvaluationError("study", str(error)) from None
 
 
-def write_result(context: EvaluationContext, outcome: Evaluation | FailedEvaluation, directory: Path) -> dict[str, Any]:
-    """Write result.json to a directory that may hold the pilot's deck; returns its content. FileError if that fails."""
+def write_result(
+    context: EvaluationContext,
+    outcome: Evaluation | FailedEvaluation,
+    directory: Path,
+    more: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Write result.json to a directory that may hold the pilot's deck; returns its content. FileError if that fails.
+
+    `more` stands in it as well.
+    """
     deck = directory / PILOT_DECK
     try:
         solver = context.client.version() if context.mbdae is not None else "none"
     except SolverError:  # it died with the pilot, whose result says so
         solver = "unknown: it did not answer"
-    content = result_file(
-        context.study, outcome.result, solver, deck.read_text(encoding="utf-8") if deck.is_file() else None
-    )
+    result = {**outcome.result, **(more or {})}
+    content = result_file(context.study, result, solver, deck.read_text(encoding="utf-8") if deck.is_file() else None)
     write_text(directory / RESULT_NAME, to_json(content))
     return content
 

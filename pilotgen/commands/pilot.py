@@ -8,16 +8,23 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
+from pilotgen.errors import StudyError
 from pilotgen.files import to_json
 from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
 from pilotgen.study.fields import setting_text
 from pilotgen.study.schema import SCHEMA
 
-WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png")
+if TYPE_CHECKING:
+    from pilotgen.evaluation import Evaluation, EvaluationContext
+    from pilotgen.runs.batch import Progress
 
+WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png", "uncertain.json",
+          "uncertain.csv", "uncertain-*.png")  # fmt: skip
+DRAWS = 200  # of --uncertain
 
 MOST_POLES, POLES_BELOW_HZ = 6, 10.0  # that a summary shows; result.json has all
 
@@ -30,7 +37,8 @@ def add_parser(commands: Any) -> None:
         "evaluate one pilot",
         "Evaluate one pilot of a study (its nominal values unless --set says otherwise). Leaves the decks, "
         "matrices.h5, "
-        "result.json, pilot_model.h5 and Bode and Nyquist figures in DIR and prints a short summary.",
+        "result.json, pilot_model.h5 and Bode and Nyquist figures in DIR and prints a short summary. With --uncertain: "
+        "how his margins spread over what the study's section uncertain does not know of him.",
         "pilotgen pilot docs/studies/puma-bmi.yaml -o results/tall --set stature_m=1.95 bmi=28",
     )
     common.add_study(parser)
@@ -38,6 +46,18 @@ def add_parser(commands: Any) -> None:
     common.add_settings(parser)
     common.add_solver(parser)
     common.add_fail_below(parser)
+    parser.add_argument(
+        "--uncertain", action="store_true", help="evaluate draws of what is uncertain as well; leaves uncertain.json, "
+        "uncertain.csv and three figures",
+    )  # fmt: skip
+    parser.add_argument(
+        "-n", "--number", metavar="N", type=common.positive_int, default=None, help="draws of --uncertain (default: "
+        f"{DRAWS})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--workers", metavar="N", type=common.positive_int, default=None, help="processes of --uncertain (default: one "
+        "per core)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result object instead of the summary")
     parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
     parser.set_defaults(run=run)
@@ -51,14 +71,24 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, write_result
     from pilotgen.output import claimed
 
+    for option, given in (("-n", args.number), ("--workers", args.workers)):
+        if given is not None and not args.uncertain:
+            raise StudyError(f"{option} is for --uncertain; add that, or leave {option} out")
     study, values = common.read_pilot(args)
     common.check_solver(args, study)
+    if args.uncertain:
+        from pilotgen.uncertain.draws import Draws
+
+        Draws(study, 1).changes(0, values)  # what is wrong is told before anything is written
     with (
         EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context,
         claimed(args.output, "pilot", WRITES, overwrite=args.overwrite) as directory,
     ):
         outcome = evaluate(context, values, keep=directory)
-        content = write_result(context, outcome, directory)
+        drawn: dict[str, Any] = {}
+        if args.uncertain and isinstance(outcome, Evaluation):
+            drawn = _draw(args, context, outcome, directory)
+        content = write_result(context, outcome, directory, _in_result(drawn))
         if args.json:
             sys.stdout.write(to_json(content))
         if not isinstance(outcome, Evaluation):
@@ -68,16 +98,66 @@ def run(args: argparse.Namespace) -> int:
         if not args.json:
             print(summary(content), flush=True)
         if not args.no_figures:
-            from pilotgen.figures import draw_pilot
+            from pilotgen.figures import draw_pilot, draw_uncertain
 
             draw_pilot(outcome, directory)
+            if drawn:
+                draw_uncertain(drawn, directory)
         if not args.json:
             kinds = ["decks", "matrices"] if study.pilot.model == "multibody" else []
             kinds += [] if args.no_figures else ["figures"]
+            kinds += ["uncertain.json", "uncertain.csv"] if drawn else []
             print(f"{', '.join([*kinds, 'pilot_model.h5'])} and result.json are in {directory}")
         if args.fail_below:
             return common.told_below(below_limits(content, study.limits))
     return 0
+
+
+def _draw(args: argparse.Namespace, context: EvaluationContext, nominal: Evaluation, directory: Path) -> dict[str, Any]:
+    """Evaluate the draws, with a progress line."""
+    from pilotgen.progress_line import ProgressLine
+    from pilotgen.runs.options import RunOptions
+    from pilotgen.runs.uncertain_study import uncertain_study
+
+    number = args.number or DRAWS
+    line = ProgressLine(number)
+
+    def show(progress: Progress, milestone: bool) -> None:
+        if line.due(milestone):
+            left = line.time_left(progress.done)
+            text = f"{progress.done}/{number} draws, {progress.failed} failed"
+            line.update(text + (f" | {left} left" if left else ""), milestone)
+
+    options = RunOptions(workers=args.workers, solver=args.solver, mbdae=args.mbdae, mbdyn=args.mbdyn)
+    try:
+        return uncertain_study(context, nominal, directory, number, options, show).content
+    finally:
+        line.finish()
+
+
+def _in_result(drawn: Mapping[str, Any]) -> dict[str, Any]:
+    """What of the draws stands in result.json."""
+    if not drawn:
+        return {}
+    from pilotgen.runs.uncertain_study import summary as of_draws
+
+    return {"uncertain": of_draws(drawn)}
+
+
+def spread_lines(told: Mapping[str, Any]) -> list[str]:
+    """What the draws say, for a person."""
+    from pilotgen.uncertain.spread import sentences
+
+    what = ", ".join(told["what"])
+    lines = [f"uncertain  {told['draws']} draws of {what}"]
+    lines += [f"           {sentence}" for sentence in sentences(told)]
+    quantiles = next(iter(told["margins"].values()))["quantiles"]
+    lines.append(f"{'share of draws below':27}" + "".join(f"{100 * float(q):>8g} %" for q in quantiles))
+    for key, row in OBJECTIVES.items():
+        cells = [one["value"] for one in told["margins"][key]["quantiles"].values()]
+        texts = ["none" if value is None else f"{value:.{row.digits}f}" for value in cells]
+        lines.append(f"           {row.heading:16}" + "".join(f"{text:>10}" for text in texts))
+    return lines
 
 
 def summary(result: Mapping[str, Any]) -> str:
@@ -124,5 +204,7 @@ def summary(result: Mapping[str, Any]) -> str:
     )
     state = "stable" if loop["stable"] else "UNSTABLE"
     lines.append(f"loop       {state}; {margins_text(result, OBJECTIVES.values())}")
+    if "uncertain" in result:
+        lines.extend(spread_lines(result["uncertain"]))
     lines.extend(f"caveat     {sentence}" for sentence in result.get("caveats", []))
     return "\n".join(lines)

@@ -6,12 +6,14 @@ SPDX-License-Identifier: BSD-3-Clause
 from pilotgen.figures.loop import bode, draw_pilot, nyquist
 from pilotgen.figures.rotorcraft import rotorcraft_bode
 from pilotgen.figures.study import all_individuals, convergence, margin_curves, objective_plane, populations
+from pilotgen.figures.uncertain import draw_uncertain
 
 __all__ = [
     "all_individuals",
     "bode",
     "convergence",
     "draw_pilot",
+    "draw_uncertain",
     "margin_curves",
     "nyquist",
     "objective_plane",

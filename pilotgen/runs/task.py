@@ -52,16 +52,8 @@ def keep_freed_memory() -> None:
 _CONTEXTS: dict[tuple[Any, ...], EvaluationContext] = {}
 
 
-def run_task(task: Task) -> tuple[dict[str, Any], float]:
-    """Evaluate one pilot in a worker process, which keeps its evaluation context from pilot to pilot.
-
-    Raises FileError where another pilotgen or solver is installed than with who sent the task.
-
-    Returns
-    -------
-    tuple
-        The result object, and the CPU time spent on it in s: this process and the solver's own account.
-    """
+def context_of(task: Task) -> EvaluationContext:
+    """The evaluation context of a task, which this process keeps until another study comes. Raises as `run_task`."""
     key = (task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s, task.fingerprint)
     context = _CONTEXTS.get(key)
     if context is None:
@@ -77,6 +69,26 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
             )
         context = _CONTEXTS[key] = EvaluationContext(study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s)
         _close_at_exit(context)
+    return context
+
+
+def run_task(task: Task) -> tuple[dict[str, Any], float]:
+    """Evaluate one pilot in a worker process, which keeps its evaluation context from pilot to pilot.
+
+    Raises FileError where another pilotgen or solver is installed than with who sent the task.
+
+    Returns
+    -------
+    tuple
+        The result object, and the CPU time spent on it in s: this process and the solver's own account.
+    """
+    outcome, cpu_s = evaluated(task)
+    return outcome.result, cpu_s
+
+
+def evaluated(task: Task) -> tuple[Evaluation | FailedEvaluation, float]:
+    """As `run_task`, with all of the outcome."""
+    context = context_of(task)
     start_cpu, start_solver = time.process_time(), context.solver_seconds
     outcome: Evaluation | FailedEvaluation
     try:
@@ -85,7 +97,7 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
         raise  # a missing solver, a full disk, a wrong study: no pilot would fare better
     except Exception as error:  # the edge of a worker: a fault of ours on one pilot must not end the study
         outcome = FailedEvaluation(task.values, "internal", f"{type(error).__name__}: {error}")
-    return outcome.result, time.process_time() - start_cpu + context.solver_seconds - start_solver
+    return outcome, time.process_time() - start_cpu + context.solver_seconds - start_solver
 
 
 def _close_at_exit(context: EvaluationContext) -> None:

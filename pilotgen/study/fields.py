@@ -355,9 +355,12 @@ class ByName(Field):
     ----------
     entry : callable
         (value of an entry, field of its number) -> what is kept of it; raises StudyError.
+    words : bool
+        One of a few words (`pilot.task`) may be named as well.
     """
 
     entry: Callable[[Value, Field], Any]
+    words: bool = False
 
     def check(self, what: str, data: Any) -> Any:
         """Refuse: entries need their places in a file to be read."""

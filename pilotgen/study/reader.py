@@ -12,6 +12,7 @@ from pilotgen.errors import StudyError
 from pilotgen.study.fields import (
     REQUIRED,
     ByName,
+    Choice,
     Problems,
     Section,
     Value,
@@ -154,7 +155,8 @@ def read_by_name(value: Value, declared: ByName, model: str, problems: Problems)
                 raise StudyError(f"{entry.place}{entry.key}: {name!r} {error}") from None
             if model and not applies(place[0], model):
                 raise entry.error(f"means nothing for pilot.model = {model!r}; remove it")
-            if not number.numeric or place[0].partition(".")[0] in SECTIONS_OF_A_RUN:
+            varies = number.numeric or (declared.words and isinstance(number, Choice))
+            if not varies or place[0].partition(".")[0] in SECTIONS_OF_A_RUN:
                 raise entry.error("is nothing that can vary; numbers of pilot, cockpit and rotorcraft can")
             if place in seen:
                 raise entry.error(f"is the same number as {seen[place]}; keep one of them")

@@ -38,6 +38,7 @@ from pilotgen.study.fields import (
 )
 from pilotgen.study.population_section import population_rows, within_rows
 from pilotgen.study.seated_rows import SEATED_ROWS
+from pilotgen.study.uncertain_section import Groups, uncertain_rows
 from pilotgen.study.yaml_file import bundled
 
 MAYO_PRESETS: Mapping[str, Mapping[str, float]] = {  # Mayo (1989), as in Table 2 of the reference paper
@@ -352,6 +353,8 @@ SCHEMA: Mapping[str, Field] = {
     "sensitivity.objectives": Words(
         tuple(OBJECTIVES), default=("modulus_margin", "gain_margin_db"), meaning="whose variance is shared out"
     ),
+    # ---- what is not known of one pilot
+    **uncertain_rows(),
     # ---- limits: what reports and --fail-below hold margins against
     "limits": Section(default=None, null=True, meaning="margins that a robust loop keeps"),
     **{
@@ -383,6 +386,7 @@ SECTIONS_OF_A_RUN = (
     "limits",
     "population",
     "sensitivity",
+    "uncertain",
 )  # keys that say what to do, not what is evaluated
 
 
@@ -421,7 +425,7 @@ def locate(name: str) -> tuple[str, int | None]:
     if f"nominal.{path}" in SCHEMA:
         path = f"nominal.{path}"
     row = SCHEMA.get(path)
-    if isinstance(row, ByName):
+    if isinstance(row, ByName | Groups):
         raise StudyError("is not one number or word; change it in the study file")
     if row is None or (isinstance(row, Section) and not (row.null or row.words)):
         if isinstance(row, Section):
@@ -455,7 +459,7 @@ def names(model: str = "", numeric: bool = False) -> tuple[str, ...]:
     """
     found: list[str] = []
     for path, row in SCHEMA.items():
-        if (model and not applies(path, model)) or isinstance(row, Section | ByName):
+        if (model and not applies(path, model)) or isinstance(row, Section | ByName | Groups):
             continue
         if numeric and path.partition(".")[0] in SECTIONS_OF_A_RUN:
             continue

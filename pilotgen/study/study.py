@@ -35,6 +35,8 @@ from pilotgen.study.schema import (
     members,
 )
 from pilotgen.study.torso_numbers import LUMPED, RIGID, TorsoNumbers, torso_from
+from pilotgen.study.uncertain_check import check_uncertain
+from pilotgen.study.uncertain_section import merged, uncertain_from
 from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,
@@ -113,6 +115,7 @@ class Study:
     limits: dict[str, float | None]  # objective -> what a robust loop keeps; None: no limit
     population: dict[str, Any]  # who flies (pilotgen/study/population_section.py); its `people` is None: nobody said
     sensitivity: dict[str, Any]  # `variables` (None: those of the search), `objectives`
+    uncertain: dict[str, Any]  # what is not known of one pilot (pilotgen/study/uncertain_section.py)
     text: str = field(repr=False)  # the file's text
     path: str = ""  # what messages call the file
     lines: dict[KeyPath, int] = field(default_factory=dict, repr=False, compare=False)
@@ -258,6 +261,8 @@ class Study:
         changed = {_ATTRIBUTE.get(section, section): _MAKERS[section](tree) for section, tree in trees.items()}
         study = dataclasses.replace(self, **changed)
         _check_together(study)
+        if "uncertain" in trees or "search" in trees:
+            check_uncertainty(study)
         for path, data in changes.items():
             _check_torso_number(study, path, data)
         return study
@@ -392,6 +397,7 @@ def _study(document: YamlDocument) -> Study:
     study = Study(**parts, text=text, path=document.name, lines=dict(document.lines))
     try:
         _check_together(study)
+        check_uncertainty(study)
         _check_torso(study, tree)
     except Mistake as mistake:
         raise _placed(mistake, document) from None
@@ -399,7 +405,10 @@ def _study(document: YamlDocument) -> Study:
 
 
 def _placed(mistake: Mistake, document: YamlDocument) -> StudyError:
-    return StudyError(f"{document.where(tuple(mistake.path.split('.')))}: {mistake}")
+    parts = tuple(mistake.path.split("."))
+    ends = (parts[:k] + (".".join(parts[k:]),) for k in range(1, len(parts)))  # a path of a study may be one key
+    place = next((path for path in ends if path in document.lines), parts)
+    return StudyError(f"{document.where(place)}: {mistake}")
 
 
 def _located(name: str, model: str, what: str) -> tuple[str, int | None]:
@@ -487,6 +496,7 @@ _MAKERS: Mapping[str, Callable[[Any], Any]] = {
     "search": _search,
     "population": population_from,
     "sensitivity": lambda data: {**defaults("sensitivity"), **(data or {})},
+    "uncertain": uncertain_from,
     "limits": lambda data: {**defaults("limits"), **(data or {})},
 }
 _ATTRIBUTE = {"study": "name"}  # where the attribute of `Study` is not called as the key
@@ -513,6 +523,15 @@ def _check_together(study: Study) -> None:
                     f"does not go with nominal.{other}; use mass_kg in both or bmi in both",
                 )
             _check_torso_number(study, name, list(bounds), f"{section}.variables.{name}")
+
+
+def check_uncertainty(study: Study) -> None:
+    """Raise Mistake if what is uncertain does not go with the rest of a study, which may have changed since."""
+    check_uncertain(study.uncertain, study.pilot.model, study.value, study.nominal, tuple(study.search.variables))
+    variables, _, origin = merged(study.uncertain)
+    for name in variables:
+        place = "uncertain.sets" if name in origin else f"uncertain.variables.{name}"
+        _check_torso_number(study, name, origin.get(name, "a distribution"), place)
 
 
 _ONLY_WITH_SPRINGS = ("cockpit.seat.cushion", "cockpit.seat.back", "pilot.torso")
