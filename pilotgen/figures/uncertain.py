@@ -126,11 +126,12 @@ def margin_spread(content: Mapping[str, Any]) -> Figure:
         limit = content["shares"].get(row.key, {}).get("limit")
         low, high = axes.get_xlim()
         if limit is not None and low - 0.5 * (high - low) < limit < high:
-            axes.axvline(limit, color=GREEN, linewidth=1.1, label=f"limit {row.text(limit)}")
+            axes.axvline(limit, color=GREEN, linewidth=1.1, label="the study's limit")
         axes.set_xlabel(row.heading)
         axes.set_ylim(0.0, 100.0)
     panels[0].set_ylabel("share of draws below [%]")
-    panels[-1].legend(loc="lower right", fontsize=7.0)
+    handles = {text: line for axes in panels for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles), fontsize=7.5)
     return figure
 
 

@@ -124,10 +124,11 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     failed = content["failed"]
     if failed["count"]:
         stages = ", ".join(f"{count} at {stage}" for stage, count in content["failed_by_stage"].items())
+        least, most = (100 * shares["any"][key] for key in ("least", "most"))
         told.append(
             f"{failed['count']} of {draws} draws ({100 * failed['share']:.1f} %) could not be evaluated and are in "
-            f"none of these numbers: {stages}; were they as good or as bad as can be, {100 * shares['any']['least']:.1f} to "
-            f"{100 * shares['any']['most']:.1f} % would miss a limit."
+            f"none of these numbers: {stages}; were they as good or as bad as can be, {least:.1f} to {most:.1f} % "
+            "would miss a limit."
         )
     return told
 
