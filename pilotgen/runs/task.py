@@ -53,7 +53,10 @@ _CONTEXTS: dict[tuple[Any, ...], EvaluationContext] = {}
 
 
 def context_of(task: Task) -> EvaluationContext:
-    """The evaluation context of a task, which this process keeps until another study comes. Raises as `run_task`."""
+    """The evaluation context of a task, which this process keeps until another study comes.
+
+    Raises FileError where another pilotgen or solver is installed than with who sent the task.
+    """
     key = (task.study, task.mbdae, task.solver, task.mbdyn, task.time_limit_s, task.fingerprint)
     context = _CONTEXTS.get(key)
     if context is None:
@@ -87,7 +90,7 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
 
 
 def evaluated(task: Task) -> tuple[Evaluation | FailedEvaluation, float]:
-    """As `run_task`, with all of the outcome."""
+    """As `run_task`, with all of the outcome. Raises what it raises."""
     context = context_of(task)
     start_cpu, start_solver = time.process_time(), context.solver_seconds
     outcome: Evaluation | FailedEvaluation

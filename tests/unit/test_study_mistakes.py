@@ -156,7 +156,7 @@ MISTAKES = [
         "s.yaml:10: nominal = 'mesomorphic' is no multibody pilot; give {age_years, stature_m, and mass_kg or bmi}, "
         "or pilot.model: mayo, which knows pilots by that name\n"
         "s.yaml:11: n: key 'n' is not known here; known keys: study, rotorcraft, inceptor, pilot, "
-        "cockpit, nominal, search, population, sensitivity, limits",
+        "cockpit, nominal, search, population, sensitivity, uncertain, limits",
     ),
     (
         "{age_years: 40, bmi: 24, stature_m: 1.775}",
