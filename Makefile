@@ -98,6 +98,11 @@ wheel: install ## Build the source distribution and a wheel for any Linux with P
 	    >>build/wheel.log 2>&1 || { tail -n 30 build/wheel.log; exit 1; }
 	@cp build/dist/*.tar.gz dist/ && ls -l dist
 
+.PHONY: docs
+docs: install ## Build the documentation site without network (build/docs/index.html); a broken link is an error
+	@$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+	@echo "documentation: build/docs/index.html"
+
 .PHONY: bench
 bench: install ## Measure where the time goes
 	@$(BIN)/python -m pilotgen.bench
