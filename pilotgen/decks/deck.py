@@ -32,6 +32,7 @@ from pilotgen.decks.parts import (
 from pilotgen.decks.template_cache import Part
 from pilotgen.decks.text import number, template
 from pilotgen.decks.torso_text import torso_text
+from pilotgen.decks.vehicle import Vehicle, vehicle_text
 from pilotgen.posture.cockpit import Cockpit
 from pilotgen.posture.posture import Posture, PostureGuess
 from pilotgen.posture.seated_torso import SeatedTorso
@@ -105,8 +106,9 @@ def _posture_text(posture: Posture) -> list[SimpleNamespace]:
 # ---- the decks -------------------------------------------------------------------------------------------------------
 
 
-def _counts(arms: int, last: str, torso: Part | None = None) -> dict[str, str]:
+def _counts(arms: int, last: str, torso: Part | None = None, grip_point: bool = False) -> dict[str, str]:
     """Expressions of the control data: seat, torso, then per arm the control and the arm; `last` joints of each arm."""
+    more = " + 1" if grip_point else ""
     bones, joints = len(SEGMENTS), ARM_JOINTS
     bodies = springs = carried = 0
     if torso:
@@ -117,14 +119,14 @@ def _counts(arms: int, last: str, torso: Part | None = None) -> dict[str, str]:
     bodies_of_torso = f"{bodies + carried} + " if torso else ""
     if arms == 1:
         return {
-            "nodes": f"1{nodes_of_torso} + 1 + {bones}",
+            "nodes": f"1{nodes_of_torso} + 1 + {bones}{more}",
             "bodies": f"{bodies_of_torso}1 + {bones}",
-            "joints": f"1{springs_of_torso} + 1 + {joints} + {last}",
+            "joints": f"1{springs_of_torso} + 1 + {joints} + {last}{more}",
         }
     return {
-        "nodes": f"1{nodes_of_torso} + {arms}*(1 + {bones})",
+        "nodes": f"1{nodes_of_torso} + {arms}*(1 + {bones}){more}",
         "bodies": f"{bodies_of_torso}{arms}*(1 + {bones})",
-        "joints": f"1{springs_of_torso} + {arms}*(1 + {joints} + {last})",
+        "joints": f"1{springs_of_torso} + {arms}*(1 + {joints} + {last}){more}",
     }
 
 
@@ -184,6 +186,7 @@ def render_direct(
     seat_drive: str | Mapping[str, str] = "const, 0.",
     final_time_s: float = TIME_STEP_S,
     time_step_s: float = TIME_STEP_S,
+    vehicle: Vehicle | None = None,
 ) -> str:
     """The deck of the pilot at the controls: in equilibrium, ready to be linearised or simulated.
 
@@ -209,6 +212,8 @@ def render_direct(
         nose right. Rotations are about the seat's node.
     final_time_s, time_step_s : float
         Of a time integration.
+    vehicle : Vehicle, optional
+        The rotorcraft that the loop is closed with; the seat follows it and has no drive then.
     """
     return _render_pilot(
         body,
@@ -222,6 +227,7 @@ def render_direct(
         activation_check=activation_check,
         seat_drive=seat_drive,
         seated=torso,
+        vehicle=vehicle,
     )
 
 
@@ -271,6 +277,7 @@ def _render_pilot(
     activation_check: bool,
     seat_drive: str | Mapping[str, str],
     seated: SeatedTorso | None,
+    vehicle: Vehicle | None = None,
 ) -> str:
     arms = arms_with_muscles(body, cockpit, posture)
     torso = torso_text(seated) if seated is not None else None
@@ -282,11 +289,13 @@ def _render_pilot(
         posture=_posture_text(posture),
         has=_parts_in(body),
         analysis=analysis,
-        counts=_counts(len(arms), str(muscles), torso),
+        counts=_counts(len(arms), str(muscles), torso, vehicle is not None),
         torso=torso if torso is not None else False,
         carriers=carriers,
         arms=arms,
-        muscle_states=muscle_states(body, values, lengths, carriers),
+        muscle_states=muscle_states(
+            body, values, lengths, carriers, vehicle.pull[1] if vehicle is not None and vehicle.pull else None
+        ),
         activation_check=activation_check,
         at_rest=str(int(np.count_nonzero(values <= 1e-9))),
         muscle_count=str(values.size),
@@ -297,4 +306,5 @@ def _render_pilot(
         gravity=number(GRAVITY_M_PER_S2),
         drives=_seat_drives(seat_drive),
         is_heave=isinstance(seat_drive, str),
+        vehicle=vehicle_text(vehicle, cockpit.inceptors["left"].pose[0].tolist()) if vehicle is not None else False,
     )

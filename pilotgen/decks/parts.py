@@ -190,7 +190,7 @@ def arms_with_muscles(body: Body, cockpit: Cockpit, posture: Posture) -> list[Pa
 
 
 def muscle_states(
-    body: Body, values: np.ndarray, lengths: np.ndarray, carriers: Sequence[str]
+    body: Body, values: np.ndarray, lengths: np.ndarray, carriers: Sequence[str], pull: Sequence[float] | None = None
 ) -> list[SimpleNamespace]:
     """What the muscles of each arm do: nodes of their origins, lengths over optimal lengths, activations, lengths.
 
@@ -202,6 +202,8 @@ def muscle_states(
         Activations, and lengths [m].
     carriers : sequence of str
         By arm, the node that carries shoulder and muscle origins of the torso.
+    pull : sequence of float, optional
+        What a pull by the pilot adds to each activation.
     """
     states = []
     done = 0
@@ -216,6 +218,7 @@ def muscle_states(
                 x=[f"{length / l0:.3f}" for length, l0 in zip(lengths[those].tolist(), optimal_m, strict=True)],
                 activation=numbers(values[those]),
                 length=numbers(lengths[those]),
+                pull=[SimpleNamespace(by=number(value)) for value in pull[those]] if pull is not None else False,
             )
         )
     return states

@@ -80,6 +80,26 @@ class HeaveModel:
         return StateSpaceModel(A, np.array([MF[0], 0.0, MF[1]]), A[0].copy(), float(MF[0]))
 
     @cached_property
+    def force_input(self) -> FloatArray:
+        """What 1 N on the airframe, up, adds to the rates of `state_space`'s states, shape (n,)."""
+        M = self._equations[0]
+        return self._second_order_input(np.linalg.inv(M)[:, 0])
+
+    @cached_property
+    def gust_input(self) -> FloatArray:
+        """The same of 1 m/s of rising air, shape (n,): the rotor's inflow is that of a descent of 1 m/s."""
+        M, D, _, _ = self._equations
+        return self._second_order_input(np.asarray(np.linalg.inv(M) @ D[:, 0], dtype=float))
+
+    def _second_order_input(self, rates: npt.NDArray[Any]) -> FloatArray:
+        """Accelerations of z and beta as an input of the state space; `rates` has shape (2,)."""
+        B = np.zeros(self.state_space.n_states)
+        B[[0, 2]] = rates
+        if B.size > 3:
+            B[4] = rates[0]
+        return B
+
+    @cached_property
     def poles(self) -> ComplexArray:
         """Poles of zddot/theta [rad/s]; the paper lists one more at 0 for the height z itself."""
         return self.state_space.poles

@@ -146,7 +146,12 @@ class Chained:
     def state_space(self) -> StateSpaceModel:
         """Chain, then rotorcraft; the delay is rational, right to 1e-6 below 10 Hz."""
         whole = self.base.state_space if self.parts is None else series(self.parts, self.base.state_space)
-        return series(pade_delay(self.delay_s), whole) if self.delay_s else whole
+        return series(self.delay_model, whole) if self.delay_model is not None else whole
+
+    @cached_property
+    def delay_model(self) -> StateSpaceModel | None:
+        """The delay as a rational all-pass; None for none."""
+        return pade_delay(self.delay_s) if self.delay_s else None
 
     @cached_property
     def partial_fractions(self) -> PartialFractions | None:

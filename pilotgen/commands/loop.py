@@ -1,0 +1,75 @@
+"""`pilotgen loop`: the pilot closed with his rotorcraft in one deck.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from pilotgen.commands import common
+from pilotgen.files import to_json, write_text
+
+WRITES = ("*.mbd", "*.fem", "*.h5", "*.nc", "*.log", "*.out", "loop.json")
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "loop",
+        "close the loop in one deck and compare its poles with the margins'",
+        "Write loop.mbd, the deck of one pilot with his rotorcraft around him, which mbdae and MBDyn read as it is; "
+        "linearise it and hold its eigenvalues against the closed-loop poles of the margins. Leaves the decks, loop.h5 "
+        "and loop.json in DIR and prints the poles nearest to instability. A difference beyond 1e-8 ends with exit "
+        "code 3.",
+        "pilotgen loop docs/studies/puma-bmi.yaml -o results/loop --set stature_m=1.95",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    common.add_settings(parser)
+    common.add_mbdae(parser)
+    parser.add_argument(
+        "--two-way",
+        action="store_true",
+        help="the pilot's reaction acts on the rotorcraft; the margins know only one way",
+    )
+    parser.add_argument("--json", action="store_true", help="print the content of loop.json instead of the table")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write, linearise, compare."""
+    from pilotgen.runs.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.closed_loop.deck import check_study, close_in_deck
+    from pilotgen.closed_loop.poles import compare_poles, summary, table_text
+    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.output import claimed
+
+    study, values = common.read_pilot(args)
+    check_study(study)
+    with (
+        EvaluationContext(study, mbdae=args.mbdae) as context,
+        claimed(args.output, "loop", WRITES, overwrite=args.overwrite) as directory,
+    ):
+        loop = close_in_deck(context, values, directory, two_way=args.two_way)
+        table = compare_poles(context, loop, directory)
+        content = {"study": study.name, "values": values, "two_way": args.two_way, **summary(table)}
+        write_text(directory / "loop.json", to_json(content))
+        if args.json:
+            sys.stdout.write(to_json(content))
+            return 0 if table.certified else 3
+        print(table_text(table, args.two_way))
+        worst = table.difference.max(initial=0.0)
+        state = "stable" if table.stable else "UNSTABLE"
+        print(f"closed loop {state} by the deck's own eigenvalues; largest difference of a pole {worst:.1e}")
+        if table.unstable_open:
+            print(f"the open loop has {table.unstable_open} unstable poles")
+        if not table.certified:
+            print("NOT certified: the deck and the margins do not agree; loop.json tells where", file=sys.stderr)
+        print(f"loop.mbd, the pilot's decks, loop.h5 and loop.json are in {directory}")
+    return 0 if table.certified else 3
