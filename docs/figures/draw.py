@@ -20,7 +20,7 @@ import numpy as np
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures import all_individuals, nyquist, style
 from pilotgen.figures.identification import identification
-from pilotgen.linear.imposed_motion import full_order_response
+from pilotgen.linear.full_order import full_order_response
 from pilotgen.report.findings import worst_order
 from pilotgen.runs.results import read_results
 from pilotgen.study.study import read_study, study_from_text

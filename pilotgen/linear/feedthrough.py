@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pilotgen.errors import EvaluationError, MatrixError, StudyError
+from pilotgen.linear.full_order import full_order_response
 from pilotgen.linear.imposed_motion import (
     COLLECTIVE,
     ROTATIONS,
     SEAT_MOTIONS,
     Channels,
     ImposedMotion,
-    full_order_response,
     rotation_error,
     split,
     static_terms,
@@ -168,8 +168,7 @@ _Realisation = tuple[Floats, Floats, Floats, Floats, tuple[Complexes, Complexes]
 
 def _exact(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
     """sum_k C_k (lam_k B1_k + B2_k) / (lam_k^2 (s - lam_k)), in the modes or in a real basis of them."""
-    B1, B2 = -modal.V_L @ imposed.g_ydot_imposed, -modal.V_L @ imposed.g_y_imposed
-    C = imposed.output_matrix @ modal.V_R
+    B1, B2, C = _by_modes(imposed, modal)
     D = np.zeros((len(C), len(imposed.inputs)))
     if not modal.diagonal:
         A = modal.A.real
@@ -179,10 +178,16 @@ def _exact(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
     return _from_modes(modal.lam, C, (lam * B1 + B2) / lam**2, D)
 
 
+def _by_modes(imposed: ImposedMotion, modal: ModalModel) -> tuple[Numbers, Numbers, Numbers]:
+    """B1 = -V_L g_ydot^FI, B2 = -V_L g_y^FI and C = C~ V_R."""
+    driven = -modal.driven_by(np.concatenate((imposed.g_ydot_imposed, imposed.g_y_imposed), axis=1))
+    k = len(imposed.inputs)
+    return driven[:, :k], driven[:, k:], modal.watched_by(imposed.output_matrix)
+
+
 def _literal(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
     """Eq. (31) without its 1/s^2: C (sI - A)^-1 (s B1 + B2) = C B1 + C (sI - A)^-1 (A B1 + B2)."""
-    B1, B2 = -modal.V_L @ imposed.g_ydot_imposed, -modal.V_L @ imposed.g_y_imposed
-    C = imposed.output_matrix @ modal.V_R
+    B1, B2, C = _by_modes(imposed, modal)
     D = (C @ B1).real
     if not modal.diagonal:
         return modal.A.real, (modal.A @ B1 + B2).real, C.real, D, None

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from pilotgen.errors import EvaluationError, MatrixError, StudyError
-from pilotgen.linear.modal import SecondOrderForm, independent_constraints, second_order_form
-from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Indices, block
+from pilotgen.linear.null_space import independent_constraints
+from pilotgen.linear.second_order import SecondOrderForm, second_order_form
+from pilotgen.solver.descriptor import DescriptorModel, Floats, Indices, block
 
 COLLECTIVE = "collective_rotation"
 _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {
@@ -350,92 +350,3 @@ def _independent(form: SecondOrderForm, phi_0: Floats, phi_1: Floats) -> tuple[F
         Phi_0, Phi_1, phi_0, phi_1 = Phi_0[rows], Phi_1[rows], phi_0[rows], phi_1[rows]
         B = B[:, independent_constraints(B.T)]
     return Phi_0, Phi_1, B, phi_0, phi_1
-
-
-def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 0, input: int = 0) -> Complexes:
-    """Return -C~ (jw g_ydot^FF + g_y^FF)^-1 (jw g_ydot^FI + g_y^FI) / (jw)^2 of one output by one acceleration.
-
-    EvaluationError if the matrix is singular at a frequency.
-
-    One dense solve per frequency, all unknowns but the momenta, whose definitions are put in exactly, and those that
-    nothing connects to the output (the other arm, while the seat's motion is imposed). Nothing of the modal route is
-    used. `omega` in rad/s, shape (m,); `output` counts as in `imposed.outputs`, `input` as in
-    `imposed.inputs`.
-    """
-    form, free = imposed.form, imposed.free
-    s = 1j * np.asarray(omega, dtype=float).reshape(-1)
-    M, C, K, B, Phi_0, Phi_1 = form.M, form.C, form.K, form.B, form.Phi_0, form.Phi_1
-    weights = imposed.output_matrix[output, free.coordinates]
-    m_I, c_I, k_I = (column[:, input] for column in (imposed.M_imposed, imposed.C_imposed, imposed.K_imposed))
-    phi_0 = imposed.g_y_imposed[free.constraint_rows, input]
-    phi_1 = imposed.g_ydot_imposed[free.constraint_rows, input]
-    rigid = imposed.rigid[:, input]
-    if len(imposed.outputs) > 1:
-        q, r = _connected(form, weights != 0.0)
-        M, C, K, B = block(M, q, q), block(C, q, q), block(K, q, q), block(B, q, r)
-        Phi_0, Phi_1 = block(Phi_0, r, q), block(Phi_1, r, q)
-        weights, m_I, c_I, k_I, phi_0, phi_1 = weights[q], m_I[q], c_I[q], k_I[q], phi_0[r], phi_1[r]
-        rigid = rigid[q]
-    # motion relative to the cockpit: its forces are small, those of the whole motion a difference of large ones
-    m_I, c_I, k_I = m_I + M @ rigid, c_I + C @ rigid, k_I + K @ rigid
-    phi_0, phi_1 = phi_0 + Phi_0 @ rigid, phi_1 + Phi_1 @ rigid
-    along = float(weights @ rigid) + float(imposed.output_imposed[output, input])
-    inner = ~((B != 0.0).any(axis=1) | ((Phi_0 != 0.0) | (Phi_1 != 0.0)).any(axis=0)) & (weights == 0.0)
-    rows = independent_constraints(Phi_0 + Phi_1)
-    if len(rows) < len(Phi_0):  # redundant constraints: an independent set of them says the same
-        Phi_0, Phi_1, phi_0, phi_1 = Phi_0[rows], Phi_1[rows], phi_0[rows], phi_1[rows]
-        B = B[:, independent_constraints(B.T)]
-    s2 = (s * s)[:, None, None]
-    s1 = s[:, None, None]
-
-    def stiffness(i: Indices, j: Indices) -> Complexes:
-        """s^2 M + s C + K, rows i and columns j."""
-        found: Complexes = s2 * block(M, i, j) + s1 * block(C, i, j) + block(K, i, j)
-        return found
-
-    def heave(i: Indices) -> Complexes:
-        found: Complexes = -(s2[:, 0] * m_I[i] + s1[:, 0] * c_I[i] + k_I[i])
-        return found[:, :, None]
-
-    # Coordinates that no joint ties and nobody watches (bodies of a torso) go out first, exactly: a small solve, whose
-    # right sides are those of the few coordinates that they touch.
-    u, k = np.flatnonzero(inner), np.flatnonzero(~inner)
-    n_q = len(k)
-    n = n_q + len(Phi_0)
-    pencil = np.zeros((len(s), n, n), dtype=np.complex128)
-    right = np.zeros((len(s), n, 1), dtype=np.complex128)
-    pencil[:, :n_q, :n_q] = stiffness(k, k)
-    pencil[:, :n_q, n_q:] = B[k]
-    pencil[:, n_q:, :n_q] = s1 * Phi_1[:, k] + Phi_0[:, k]
-    right[:, :n_q] = heave(k)
-    right[:, n_q:, 0] = -(s1[:, 0] * phi_1 + phi_0)
-    try:
-        if len(u):
-            linked = (M != 0.0) | (C != 0.0) | (K != 0.0)
-            near = np.flatnonzero((linked | linked.T)[np.ix_(u, k)].any(axis=0))
-            sides = np.concatenate((stiffness(u, k[near]), heave(u)), axis=2)
-            inside = np.linalg.solve(stiffness(u, u), sides)
-            back = stiffness(k[near], u)
-            pencil[:, near[:, None], near] -= back @ inside[:, :, :-1]
-            right[:, near] -= back @ inside[:, :, -1:]
-        solution = np.linalg.solve(pencil, right)
-    except np.linalg.LinAlgError as error:
-        raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
-    response: Complexes = (solution[:, :n_q, 0] @ weights[k] + along) / (s * s)
-    return response
-
-
-def _connected(form: SecondOrderForm, start: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Coordinates and reactions that a chain of non-zero entries connects to the coordinates `start`."""
-    n = len(form.M)
-    linked = np.zeros((n + len(form.Phi_0), n + len(form.Phi_0)), dtype=bool)
-    linked[:n, :n] = (form.M != 0.0) | (form.C != 0.0) | (form.K != 0.0)
-    linked[:n, n:] = (form.B != 0.0) | ((form.Phi_0 != 0.0) | (form.Phi_1 != 0.0)).T
-    linked |= linked.T
-    reached = np.zeros(len(linked), dtype=bool)
-    reached[:n] = start
-    newly = reached
-    while newly.any():
-        newly = linked[newly].any(axis=0) & ~reached
-        reached = reached | newly
-    return np.flatnonzero(reached[:n]), np.flatnonzero(reached[n:])

@@ -11,7 +11,8 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -19,13 +20,10 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from pilotgen.errors import MatrixError
-from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Indices, Numbers, block
+from pilotgen.linear.null_space import RANK_TOLERANCE, RangeSolver, condition, inverse_if_sound, null_space
+from pilotgen.linear.second_order import FORM_TOLERANCE, SecondOrderForm, second_order_form
+from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Numbers
 
-# Entries that the form of the equations of motion demands to be 0 or 1 come from sums and differences of J(+-c): exact
-# in our files, good to about eps * max|J| / c in MBDyn's.
-_FORM_TOLERANCE = 1e-9
-# A constraint counts as dependent on others when its part outside their span is this small against the largest one.
-_RANK_TOLERANCE = 1e-10
 # An eigenvalue may be zero or infinite when it is this small, or 1 / this large, against the scale of the others.
 # Double zeros (rigid motion) come out near sqrt(eps) = 1.5e-8, so does 1/lam of a massless direction (index 2).
 _NEGLIGIBLE = 1e-6
@@ -37,39 +35,7 @@ _NO_MASS = 1e-13
 _MAX_CONDITION = 1e5
 
 
-@dataclass(frozen=True)
-class SecondOrderForm:
-    """The model without its momenta: M q'' + C q' + K q + B reactions = 0, Phi_1 q' + Phi_0 q = 0.
-
-    Attributes
-    ----------
-    M, C, K : ndarray, shape (n_q, n_q)
-        Mass, damping and stiffness by coordinates.
-    B : ndarray, shape (n_q, n_r)
-        How reactions enter the equilibrium equations.
-    Phi_0, Phi_1 : ndarray, shape (n_r, n_q)
-        Constraint equations; Phi_1 is zero for holonomic ones.
-    momentum_mass, momentum_gyro : ndarray, shape (n_p, n_q)
-        p = momentum_mass q' + momentum_gyro q.
-    momentum_force : ndarray, shape (n_q, n_p)
-        Partial of the equilibrium equations by momenta (zero at rest).
-    dynamic : ndarray of int, shape (n_p,)
-        Coordinate that each momentum belongs to.
-    """
-
-    M: Floats
-    C: Floats
-    K: Floats
-    B: Floats
-    Phi_0: Floats
-    Phi_1: Floats
-    momentum_mass: Floats
-    momentum_gyro: Floats
-    momentum_force: Floats
-    dynamic: Indices
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModalModel:
     """The retained modes: V_L g_ydot V_R = I, V_L g_y V_R = -A.
 
@@ -77,25 +43,24 @@ class ModalModel:
     ----------
     lam : ndarray of complex, shape (r,)
         Retained eigenvalues [rad/s]: finite and nonzero, conjugate pairs side by side, positive imaginary part first.
-    V_R : ndarray, shape (n, r)
-        Right vectors of all unknowns, reactions included.
-    V_L : ndarray, shape (r, n)
-        Left vectors of all equations.
     A : ndarray, shape (r, r)
         diag(lam) if `diagonal`; otherwise real, with eigenvalues lam, and V_R, V_L are real bases.
     diagonal : bool
         False when the eigenvectors are too close to dependent (defective or nearly so) to serve as a basis.
     n_zero, n_infinite : int
         Eigenvalues set aside in the reduced problem: zero (rigid motion) and infinite (directions without mass).
+    V_R : ndarray, shape (n, r)
+        Right vectors of all unknowns, reactions included.
+    V_L : ndarray, shape (r, n)
+        Left vectors of all equations.
     """
 
     lam: Complexes
-    V_R: Numbers
-    V_L: Numbers
     A: Numbers
     diagonal: bool
     n_zero: int
     n_infinite: int
+    _reduced: _ReducedVectors = field(repr=False)
 
     @property
     def frequency_hz(self) -> Floats:
@@ -107,62 +72,34 @@ class ModalModel:
         """Damping ratios -Re lam / |lam|; +-1 for real eigenvalues."""
         return -self.lam.real / np.abs(self.lam)
 
+    @cached_property
+    def V_R(self) -> Numbers:
+        """Right vectors, worked out when asked for."""
+        return self._pairs(self._reduced.right_vectors().T).T
 
-def second_order_form(model: DescriptorModel) -> SecondOrderForm:
-    """Eliminate the momenta exactly; MatrixError if the pencil is not of the form of docs/theory/linearisation.md."""
-    g_y, g_ydot = model.g_y, model.g_ydot
-    q, p, reactions = model.coordinates, model.momenta, model.reactions
-    definition, equilibrium = model.definition_rows, model.equilibrium_rows
-    n_q, n_p = len(q), len(p)
-    dynamic = np.searchsorted(q, definition)
-    force_of_rate = np.zeros((n_q, n_p))
-    force_of_rate[dynamic, np.arange(n_p)] = 1.0
+    @cached_property
+    def V_L(self) -> Numbers:
+        """Left vectors, worked out when asked for."""
+        return self._pairs(self._reduced.left_vectors())
 
-    # rows: equilibrium, momentum definitions, constraints; columns: coordinates, momenta, reactions
-    rows, columns = np.concatenate((equilibrium, definition, reactions)), np.concatenate((q, p, reactions))
-    by_y, by_ydot = block(g_y, rows, columns), block(g_ydot, rows, columns)
-    wanted_y, wanted_ydot = np.zeros_like(by_y[n_q:, n_q:]), np.zeros_like(by_ydot[:, n_q:])
-    wanted_y[np.arange(n_p), np.arange(n_p)] = -1.0
-    wanted_ydot[:n_q, :n_p] = force_of_rate
-    _check_form(by_y[n_q:, n_q:] - wanted_y, by_ydot[:, n_q:] - wanted_ydot, n_q, n_p)
+    def driven_by(self, columns: Floats) -> Numbers:
+        """V_L times columns, shape (n, k), without working V_L out."""
+        return self._pairs(self._reduced.driven_by(columns))
 
-    momentum_mass, momentum_gyro = by_ydot[n_q : n_q + n_p, :n_q], by_y[n_q : n_q + n_p, :n_q]
-    momentum_force = by_y[:n_q, n_q : n_q + n_p]
-    return SecondOrderForm(
-        M=force_of_rate @ momentum_mass,
-        C=by_ydot[:n_q, :n_q] + force_of_rate @ momentum_gyro + momentum_force @ momentum_mass,
-        K=by_y[:n_q, :n_q] + momentum_force @ momentum_gyro,
-        B=by_y[:n_q, n_q + n_p :],
-        Phi_0=by_y[n_q + n_p :, :n_q],
-        Phi_1=by_ydot[n_q + n_p :, :n_q],
-        momentum_mass=momentum_mass,
-        momentum_gyro=momentum_gyro,
-        momentum_force=momentum_force,
-        dynamic=dynamic,
-    )
+    def watched_by(self, rows: Floats) -> Numbers:
+        """Rows, shape (p, n), times V_R; without working V_R out where they watch coordinates alone."""
+        found = self._reduced.watched_by(rows)
+        return rows @ self.V_R if found is None else self._pairs(found.T).T
 
-
-def _check_form(y: Floats, ydot: Floats, n_q: int, n_p: int) -> None:
-    """Check what g_y (without equilibrium rows) and g_ydot have too much by momenta and reactions: nothing."""
-    if max(np.abs(y).max(initial=0.0), np.abs(ydot).max(initial=0.0)) <= _FORM_TOLERANCE:
-        return
-    equilibrium, definition, constraints = slice(n_q), slice(n_q, n_q + n_p), slice(n_q + n_p, None)
-    for part, what in (
-        (y[:n_p, :n_p], "momenta in their definitions"),
-        (ydot[definition, :n_p], "momenta rates in the momentum definitions"),
-        (ydot[equilibrium, :n_p], "momenta rates in the equilibrium equations"),
-        (y[n_p:, :n_p], "momenta in the constraints"),
-        (ydot[constraints, :n_p], "momenta rates in the constraints"),
-        (ydot[:, n_p:], "rates of reactions"),
-        (y[n_p:, n_p:], "reactions in the constraints"),
-        (y[:n_p, n_p:], "reactions in the momentum definitions"),
-    ):
-        worst = np.abs(part).max(initial=0.0)
-        if worst > _FORM_TOLERANCE:
-            raise MatrixError(
-                f"the matrices are not those of a multibody model: {what} differ from the expected 0 or 1 by "
-                f"{worst:.2g}"
-            )
+    def _pairs(self, of_firsts: Numbers) -> Numbers:
+        """Rows of all modes from those of the first of each conjugate pair."""
+        if not self.diagonal:
+            return of_firsts
+        rows = np.empty((len(self.lam), *of_firsts.shape[1:]), dtype=np.complex128)
+        rows[self.lam.imag >= 0.0] = of_firsts
+        second = np.flatnonzero(self.lam.imag < 0.0)  # right after the first
+        rows[second] = rows[second - 1].conj()
+        return rows
 
 
 def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalModel:
@@ -184,9 +121,9 @@ def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalM
         If the pencil is not that of a multibody model, or if it is singular (a motion that no equation determines).
     """
     form = second_order_form(model) if form is None else form
-    velocity = np.abs(form.Phi_1).max(axis=1, initial=0.0) > _FORM_TOLERANCE
-    N_R, constraint_solver = _null_space(form.Phi_0[~velocity])
-    N_L, reaction_solver = _null_space(form.B.T)
+    velocity = np.abs(form.Phi_1).max(axis=1, initial=0.0) > FORM_TOLERANCE
+    N_R, constraint_solver = null_space(form.Phi_0[~velocity])
+    N_L, reaction_solver = null_space(form.B.T)
 
     E, F, X_R = _reduced_pencil(form, N_R, N_L, velocity)
     if E.shape[0] != E.shape[1]:
@@ -197,124 +134,126 @@ def modes(model: DescriptorModel, form: SecondOrderForm | None = None) -> ModalM
     n_z = N_R.shape[1]
 
     def rigid(u: Numbers) -> NDArray[np.bool_]:
-        return _without_stiffness(np.vstack([N_L.T @ form.K @ N_R, form.Phi_0[velocity] @ N_R]), X_R[:n_z] @ u)
+        z = u[:n_z] if X_R is None else X_R[:n_z] @ u
+        return _without_stiffness(np.vstack([N_L.T @ form.K @ N_R, form.Phi_0[velocity] @ N_R]), z)
 
-    right, left, A, n_zero, n_infinite, solved = _deflate(E, F, rigid, 0 if velocity.any() else n_z)
-    lam, right, left, A, diagonal = _diagonalise(right, left, A, solved)
-
-    # of a conjugate pair only the first is worked out
-    firsts = np.flatnonzero(lam.imag >= 0.0) if diagonal else np.arange(len(lam))
-    left, right, own = left[firsts], right[:, firsts], lam[firsts]
-
-    def advanced(Z: Numbers, of_rows: bool = False) -> Numbers:
-        """Z A, or A Z for rows: times lam where A is diagonal."""
-        if diagonal:
-            scaled: Numbers = Z * (own[:, None] if of_rows else own)
-            return scaled
-        return A @ Z if of_rows else Z @ A
-
-    # back to all unknowns: V_R
-    Q = _product(N_R @ X_R[:n_z], right)
-    QA = advanced(Q)
-    V_R = np.zeros((len(model.names), len(lam)), dtype=A.dtype)
-    V_R[model.coordinates[:, None], firsts] = Q
-    V_R[model.momenta[:, None], firsts] = _product(form.momentum_mass, QA) + _product(form.momentum_gyro, Q)
-    forces = _product(form.M, advanced(QA)) + _product(form.C, QA) + _product(form.K, Q)
-    V_R[model.reactions[:, None], firsts] = -reaction_solver.solve(forces)
-
-    # back to all equations: V_L
-    W = _product(N_L, left[:, n_z:].T).T
-    AW = advanced(W, of_rows=True)
-    V_L = np.zeros((len(lam), len(model.names)), dtype=A.dtype)
-    V_L[firsts[:, None], model.equilibrium_rows] = W
-    V_L[firsts[:, None], model.definition_rows] = AW[:, form.dynamic] + _product(form.momentum_force.T, W.T).T
-    # what the equilibrium and definition rows leave over, for the constraint rows to cancel
-    residual = (
-        advanced(_product(form.M.T, AW.T).T, of_rows=True) + _product(form.C.T, AW.T).T + _product(form.K.T, W.T).T
+    basis, cobasis, A, n_zero, n_infinite, solved = _deflate(E, F, rigid, 0 if velocity.any() else n_z)
+    lam, right, left = _diagonalise(basis, cobasis[:, n_z:], A, solved)
+    diagonal = right is not None
+    if right is None or left is None:
+        right, left = basis, cobasis[:, n_z:]
+    reduced = _ReducedVectors(
+        size=len(model.names),
+        model=model,
+        form=form,
+        velocity=velocity,
+        Z=right[:n_z] if X_R is None else _product(X_R[:n_z], right),
+        W=left,
+        N_R=N_R,
+        N_L=N_L,
+        A=lam[lam.imag >= 0.0] if diagonal else A,
+        constraint_solver=constraint_solver,
+        reaction_solver=reaction_solver,
     )
-    if velocity.any():
-        V_L[firsts[:, None], model.reactions] = _velocity_constraint_rows(
-            form, np.diag(own) if diagonal else A, residual
+    return ModalModel(lam, np.diag(lam) if diagonal else A, diagonal, n_zero, n_infinite, reduced)
+
+
+@dataclass(frozen=True, eq=False)
+class _ReducedVectors:
+    """Right and left vectors in the null spaces, and the way back to all unknowns and equations.
+
+    Of a conjugate pair there is the first only. Attributes are N_R Z, coordinates of the right vectors (n_q, m); W of
+    W N_L^T, equilibrium equations of the left vectors (m, n_q); A, their eigenvalues (m,), or a matrix (m, m).
+    """
+
+    size: int
+    model: DescriptorModel
+    form: SecondOrderForm
+    velocity: NDArray[np.bool_]
+    Z: Numbers
+    W: Numbers
+    N_R: Floats
+    N_L: Floats
+    A: Numbers
+    constraint_solver: RangeSolver
+    reaction_solver: RangeSolver
+
+    def _advanced(self, X: Numbers) -> Numbers:
+        """X A."""
+        product: Numbers = X * self.A if self.A.ndim == 1 else X @ self.A
+        return product
+
+    def _advanced_rows(self, X: Numbers) -> Numbers:
+        """A X."""
+        product: Numbers = self.A[:, None] * X if self.A.ndim == 1 else self.A @ X
+        return product
+
+    def right_vectors(self) -> Numbers:
+        """All unknowns, shape (n, m)."""
+        model, form = self.model, self.form
+        Q = _product(self.N_R, self.Z)
+        QA = self._advanced(Q)
+        V_R = np.zeros((self.size, Q.shape[1]), dtype=Q.dtype)
+        V_R[model.coordinates] = Q
+        V_R[model.momenta] = _product(form.momentum_mass, QA) + _product(form.momentum_gyro, Q)
+        forces = _product(form.M, self._advanced(QA)) + _product(form.C, QA) + _product(form.K, Q)
+        V_R[model.reactions] = -self.reaction_solver.solve(forces)
+        return V_R
+
+    def left_vectors(self) -> Numbers:
+        """All equations, shape (m, n)."""
+        model, form = self.model, self.form
+        W = _product(self.N_L, self.W.T).T
+        AW = self._advanced_rows(W)
+        V_L = np.zeros((len(W), self.size), dtype=W.dtype)
+        V_L[:, model.equilibrium_rows] = W
+        V_L[:, model.definition_rows] = AW[:, form.dynamic] + _product(form.momentum_force.T, W.T).T
+        # what the equilibrium and definition rows leave over, for the constraint rows to cancel
+        residual = (
+            self._advanced_rows(_product(form.M.T, AW.T).T) + _product(form.C.T, AW.T).T + _product(form.K.T, W.T).T
         )
-    else:
-        V_L[firsts[:, None], model.reactions] = -constraint_solver.solve(residual.T).T
-    if diagonal:
-        seconds = np.flatnonzero(lam.imag < 0.0)  # right after the first of each pair
-        V_R[:, seconds], V_L[seconds] = V_R[:, seconds - 1].conj(), V_L[seconds - 1].conj()
-    return ModalModel(lam=lam, V_R=V_R, V_L=V_L, A=A, diagonal=diagonal, n_zero=n_zero, n_infinite=n_infinite)
+        if self.velocity.any():
+            A = np.diag(self.A) if self.A.ndim == 1 else self.A
+            V_L[:, model.reactions] = _velocity_constraint_rows(form, A, residual)
+        else:
+            V_L[:, model.reactions] = -self.constraint_solver.solve(residual.T).T
+        return V_L
+
+    def driven_by(self, columns: Floats) -> Numbers:
+        """Left vectors times columns, shape (m, k): A^2 W M y + A W (C y - d) + W (K y - e), from the right."""
+        if self.velocity.any():
+            product: Numbers = self.left_vectors() @ columns
+            return product
+        model, form = self.model, self.form
+        of_definitions = columns[model.definition_rows]
+        y = self.constraint_solver.solve_transposed(columns[model.reactions])
+        by_W = columns[model.equilibrium_rows] + form.momentum_force @ of_definitions - form.K @ y
+        by_AW = -form.C @ y
+        by_AW[form.dynamic] += of_definitions
+        parts = self.W @ (self.N_L.T @ np.concatenate((by_W, by_AW, -form.M @ y), axis=1))
+        k = columns.shape[1]
+        twice: Numbers = parts[:, k : 2 * k] + self._advanced_rows(parts[:, 2 * k :])
+        return parts[:, :k] + self._advanced_rows(twice)
+
+    def watched_by(self, rows: Floats) -> Numbers | None:
+        """Rows times right vectors, shape (p, m); None where they watch something else than coordinates."""
+        of_coordinates = rows[:, self.model.coordinates]
+        if np.count_nonzero(of_coordinates) < np.count_nonzero(rows):
+            return None
+        product: Numbers = (of_coordinates @ self.N_R) @ self.Z
+        return product
 
 
 # ---- the reduction
 
 
-@dataclass(frozen=True)
-class _RangeSolver:
-    """Solves G^T x = b for b in the range of G^T (basic solution when the rows of G are dependent)."""
-
-    Q: Floats
-    R: Floats
-    pivots: Indices
-    size: int
-
-    def solve(self, b: Numbers) -> Numbers:
-        rank = len(self.R)
-        x = np.zeros((self.size, *b.shape[1:]), dtype=b.dtype)
-        if rank:
-            x[self.pivots[:rank]] = _solve_triangular(self.R, self.Q.T @ b)
-        return x
-
-
-def _null_space(G: Floats) -> tuple[Floats, _RangeSolver]:
-    """Return an orthonormal basis of {x : G x = 0} and a solver with G^T, by QR with column pivoting."""
-    n_rows, n = G.shape
-    if n_rows == 0:
-        return np.eye(n), _RangeSolver(np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0, dtype=np.intp), 0)
-    factors, pivots, tau, rank = _pivoted_qr(G.T)
-    whole = np.zeros((n, n), order="F")
-    whole[:, : len(tau)] = factors[:, : len(tau)]
-    Q, _, _ = lapack.dorgqr(whole, tau, overwrite_a=1)
-    return Q[:, rank:], _RangeSolver(Q[:, :rank], np.triu(factors[:rank, :rank]), pivots, n_rows)
-
-
-def _pivoted_qr(A: Floats) -> tuple[Floats, Indices, Floats, int]:
-    """Return the factors of A P = Q R as LAPACK leaves them, P as columns of A, the reflectors' scales, and the rank.
-
-    Called directly, as below: for matrices of this size the wrappers around LAPACK cost more than the factorisation.
-    """
-    factors, pivots, tau, _, _ = lapack.dgeqp3(A)
-    diagonal = np.abs(np.diagonal(factors))
-    return factors, pivots - 1, tau, int(np.count_nonzero(diagonal > _RANK_TOLERANCE * diagonal[0]))
-
-
-def _solve_triangular(R: Floats, b: Numbers) -> Numbers:
-    """Solve R x = b, R upper triangular and regular, b of shape (n, m)."""
-    solve = lapack.ztrtrs if np.iscomplexobj(b) else lapack.dtrtrs
-    x: Numbers = solve(R, b)[0]
-    return x
-
-
-def _condition(A: Numbers) -> float:
-    """Return the condition number of a square matrix in the 2-norm."""
-    singular_values = (lapack.zgesdd if np.iscomplexobj(A) else lapack.dgesdd)(A, compute_uv=0)[1]
-    smallest = float(singular_values[-1])
-    return float(singular_values[0]) / smallest if smallest > 0.0 else np.inf
-
-
-def independent_constraints(G: Floats) -> Indices:
-    """Return the indices of a largest set of independent rows of `G`, ascending.
-
-    `G` has shape (constraints, unknowns); the result shape (rank,).
-    """
-    if len(G) == 0:
-        return np.zeros(0, dtype=np.intp)
-    _, pivots, _, rank = _pivoted_qr(G.T)
-    return np.sort(pivots[:rank])
-
-
 def _reduced_pencil(
     form: SecondOrderForm, N_R: Floats, N_L: Floats, velocity: NDArray[np.bool_]
-) -> tuple[Floats, Floats, Floats]:
-    """Return E, F of lam E + F on [z; zdot] = X_R u, where q = N_R z: rows are z' = zdot and N_L^T (equilibrium)."""
+) -> tuple[Floats, Floats, Floats | None]:
+    """Return E, F of lam E + F on [z; zdot] = X_R u, where q = N_R z: rows are z' = zdot and N_L^T (equilibrium).
+
+    X_R is None, for the identity, without velocity-type constraints.
+    """
     n_z, n_w = N_R.shape[1], N_L.shape[1]
     E, F = np.zeros((n_z + n_w, 2 * n_z)), np.zeros((n_z + n_w, 2 * n_z))
     E[:n_z, :n_z] = np.eye(n_z)
@@ -323,18 +262,43 @@ def _reduced_pencil(
     F[n_z:, :n_z] = N_L.T @ (form.K @ N_R)
     F[n_z:, n_z:] = N_L.T @ (form.C @ N_R)
     if not velocity.any():
-        return E, F, np.eye(2 * n_z)
-    X_R, _ = _null_space(np.hstack([form.Phi_0[velocity] @ N_R, form.Phi_1[velocity] @ N_R]))
+        return E, F, None
+    X_R, _ = null_space(np.hstack([form.Phi_0[velocity] @ N_R, form.Phi_1[velocity] @ N_R]))
     return E @ X_R, F @ X_R, X_R
 
 
-def _rows_of_one_size(E: Floats) -> Floats:
-    """E with its rows scaled to a largest entry of 1: a small mass is no missing one. Rows of round-off stay."""
+def _row_sizes(E: Floats) -> Floats:
+    """What scales the rows of E to a largest entry of 1: a small mass is no missing one. Rows of round-off stay."""
     size = np.abs(E).max(axis=1, keepdims=True)
-    return E / np.where(size > _NO_MASS * size.max(), size, 1.0)
+    return np.where(size > _NO_MASS * size.max(), size, 1.0)
 
 
-_Eigen = tuple[Numbers, Numbers]  # eigenvalues and right eigenvectors of a matrix
+@dataclass(frozen=True, eq=False)
+class _Eigen:
+    """Eigenvalues of a real matrix and right vectors as LAPACK has them: of a pair real and imaginary part in turn."""
+
+    lam: Complexes
+    packed: Floats
+
+    def vectors(self, these: NDArray[np.bool_]) -> Complexes:
+        """Some of the vectors, shape (n, ...)."""
+        first = self.lam.imag > 0.0
+        V = self.packed.astype(np.complex128)
+        V[:, first] += 1j * self.packed[:, np.flatnonzero(first) + 1]
+        V[:, np.flatnonzero(first) + 1] = V[:, first].conj()
+        return V[:, these]
+
+
+def _eigen(A: Floats) -> _Eigen:
+    """Eigenvalues and right vectors by LAPACK directly; LinAlgError where there are none."""
+    if A.size == 0:
+        return _Eigen(np.zeros(0, dtype=np.complex128), np.zeros((0, 0)))
+    if not np.isfinite(A).all():
+        raise np.linalg.LinAlgError("a matrix that is not finite has no eigenvalues")
+    re, im, _, packed, info = lapack.dgeev(A, compute_vl=0)
+    if info:
+        raise np.linalg.LinAlgError("the eigenvalues did not converge")
+    return _Eigen(re + 1j * im, packed)
 
 
 _Rigid = Callable[[Numbers], NDArray[np.bool_]]  # tells of each column of unknowns whether it is a rigid motion
@@ -360,14 +324,14 @@ def _largest(K: Floats, axis: int) -> Floats:
     return np.where(found > 0.0, found, 1.0)
 
 
-def _zero_threshold(lam: Complexes, V: Numbers, rigid: _Rigid) -> tuple[float, int]:
-    """The modulus up to which eigenvalues lam with vectors V, in the pencil's unknowns, count as zero; how many do."""
-    size = np.abs(lam)
+def _zero_threshold(found: _Eigen, rigid: _Rigid) -> tuple[float, int]:
+    """The modulus up to which eigenvalues count as zero, and how many do."""
+    size = np.abs(found.lam)
     small = size <= _NEGLIGIBLE * size.max(initial=0.0)
     if not small.any():
         return 0.0, 0
-    zero = np.zeros(len(lam), dtype=bool)
-    zero[small] = rigid(V[:, small])
+    zero = np.zeros(len(size), dtype=bool)
+    zero[small] = rigid(found.vectors(small))
     if not zero.any():
         return 0.0, 0
     # What is slower than the round-off of a rigid motion cannot be told from it.
@@ -377,9 +341,7 @@ def _zero_threshold(lam: Complexes, V: Numbers, rigid: _Rigid) -> tuple[float, i
     return max(between, largest), int(np.count_nonzero(size <= largest))
 
 
-def _deflate(
-    E: Floats, F: Floats, rigid: _Rigid, n_z: int
-) -> tuple[Numbers, Numbers, Numbers, int, int, _Eigen | None]:
+def _deflate(E: Floats, F: Floats, rigid: _Rigid, n_z: int) -> tuple[Floats, Floats, Floats, int, int, _Eigen | None]:
     """Split off zero and infinite eigenvalues of lam E + F; with n_z > 0 the first n_z rows say z' = zdot.
 
     Returns real bases `right` (s, r), `left` (r, s) and `A` (r, r) with left E right = I and left F right = -A, the
@@ -388,21 +350,24 @@ def _deflate(
     size = len(E)
     if size == 0:
         return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0, 0, None
-    if _condition(_rows_of_one_size(E[n_z:, n_z:])) < 1.0 / np.sqrt(np.finfo(float).eps):
+    mass = E[n_z:, n_z:]
+    sizes = _row_sizes(mass)
+    by_mass = inverse_if_sound(mass / sizes, 1.0 / float(np.sqrt(np.finfo(float).eps)))
+    if by_mass is not None:
         H, inverse = -F, np.eye(size)
-        inverse[n_z:, n_z:] = np.linalg.inv(E[n_z:, n_z:])
+        inverse[n_z:, n_z:] = by_mass / sizes[:, 0]
         H[n_z:] = inverse[n_z:, n_z:] @ H[n_z:]
-        lam, T = np.linalg.eig(H)
-        threshold, n_zero = _zero_threshold(lam, T, rigid)
+        solved = _eigen(H)
+        threshold, n_zero = _zero_threshold(solved, rigid)
         if n_zero == 0:
-            return np.eye(size), inverse, H, 0, 0, (lam, T)
+            return np.eye(size), inverse, H, 0, 0, solved
         right, left, A = _invariant_subspace(H, threshold, n_zero)
         return right, left @ inverse, A, n_zero, 0, None
 
     # Some direction has no mass: S = (sigma E + F)^-1 E has the eigenvalues 1 / (sigma - lam), zero for infinite lam.
     sigma = 1.1 * np.linalg.norm(F) / np.linalg.norm(E)  # [rad/s] of the size of the pencil's own eigenvalues
     shifted = sigma * E + F
-    if not _condition(shifted) <= 1e13:
+    if not condition(shifted) <= 1e13:
         raise MatrixError("the pencil is singular: some motion meets no mass, damping, stiffness or constraint")
     S = np.linalg.solve(shifted, E)
     mu = np.linalg.eigvals(S)
@@ -411,8 +376,7 @@ def _deflate(
     right, left, S_finite = _invariant_subspace(S, threshold, n_infinite)
     A = sigma * np.eye(len(S_finite)) - np.linalg.inv(S_finite)
     left = np.linalg.solve(S_finite, np.linalg.solve(shifted.T, left.T).T)
-    lam, T = np.linalg.eig(A)
-    threshold, n_zero = _zero_threshold(lam, right @ T, rigid)
+    threshold, n_zero = _zero_threshold(_eigen(A), lambda vectors: rigid(right @ vectors))
     inner_right, inner_left, A = _invariant_subspace(A, threshold, n_zero)
     return right @ inner_right, inner_left @ left, A, n_zero, n_infinite, None
 
@@ -435,28 +399,37 @@ def _invariant_subspace(H: Numbers, threshold: float, n_dropped: int) -> tuple[N
 
 
 def _diagonalise(
-    right: Numbers, left: Numbers, A: Numbers, solved: _Eigen | None
-) -> tuple[Complexes, Numbers, Numbers, Numbers, bool]:
-    """Turn real bases into eigenvectors where these are a sound basis; `solved` has those of A if they are known."""
-    lam, T = np.linalg.eig(A) if solved is None else solved
-    # numpy returns conjugate pairs side by side, positive imaginary part first; sort by modulus without parting them
-    heads = np.flatnonzero(lam.imag >= 0.0)
-    heads = heads[np.argsort(np.abs(lam[heads]), kind="stable")]
-    order = np.array([j for k in heads for j in ((k, k + 1) if lam[k].imag > 0.0 else (k,))], dtype=np.intp)
-    lam, T = lam[order].astype(np.complex128), T[:, order].astype(np.complex128)
+    right: Floats, left: Floats, A: Floats, solved: _Eigen | None
+) -> tuple[Complexes, Numbers | None, Numbers | None]:
+    """Eigenvalues, and eigenvectors from real bases where these are a sound basis; `solved` has those of A if known.
+
+    Vectors are those of the first of each conjugate pair. If `solved` is given, `right` is the identity.
+    """
+    found = _eigen(A) if solved is None else solved
+    # LAPACK has conjugate pairs side by side, positive imaginary part first; sort by modulus without parting them
+    heads = np.flatnonzero(found.lam.imag >= 0.0)
+    heads = heads[np.argsort(np.abs(found.lam[heads]), kind="stable")]
+    paired = found.lam[heads].imag > 0.0
+    place = np.cumsum(1 + paired) - (1 + paired)  # of each head among all
+    order = np.empty(len(found.lam), dtype=np.intp)
+    order[place] = heads
+    order[place[paired] + 1] = heads[paired] + 1
+    lam = found.lam[order]
     if len(lam) == 0:
-        return lam, right @ T, left.astype(np.complex128), np.diag(lam), True
-    # The same by real numbers: T = R U with U unitary, R = [.., sqrt(2) Re v, sqrt(2) Im v, ..] for a pair v, conj(v).
-    first = np.flatnonzero(lam.imag > 0.0)
-    R = T.real.copy()
-    R[:, first], R[:, first + 1] = np.sqrt(2.0) * T[:, first].real, np.sqrt(2.0) * T[:, first].imag
-    if not _condition(R) < _MAX_CONDITION:
-        return lam, right, left, A, False
-    solved_left = np.linalg.solve(R, left)
-    of_T = solved_left.astype(np.complex128)
-    of_T[first] = (solved_left[first] - 1j * solved_left[first + 1]) / np.sqrt(2.0)
-    of_T[first + 1] = of_T[first].conj()
-    return lam, _product(right, T) if solved is None else T, of_T, np.diag(lam), True
+        return lam, right.astype(np.complex128), left.astype(np.complex128)
+    # By real numbers: T = R U with U unitary, R = [.., sqrt(2) Re v, sqrt(2) Im v, ..] for a pair v, conj(v).
+    root = np.sqrt(2.0)
+    R = found.packed[:, order] * np.where(lam.imag != 0.0, root, 1.0)
+    inverse = inverse_if_sound(R, _MAX_CONDITION)
+    if inverse is None:
+        return lam, None, None
+    real_right = R if solved is not None else right @ R
+    real_left = inverse @ left
+    T, of_T = real_right[:, place].astype(np.complex128), real_left[place].astype(np.complex128)
+    first = place[paired]
+    T[:, paired] = (T[:, paired] + 1j * real_right[:, first + 1]) / root
+    of_T[paired] = (of_T[paired] - 1j * real_left[first + 1]) / root
+    return lam, T, of_T
 
 
 def _product(real: Floats, Z: Numbers) -> Numbers:
@@ -473,5 +446,5 @@ def _velocity_constraint_rows(form: SecondOrderForm, A: Numbers, residual: Numbe
     """Return the left vectors' constraint part W_c: A W_c Phi_1 + W_c Phi_0 = -residual."""
     # row-major vec: vec(A W Phi_1) = (A kron Phi_1^T) vec(W)
     system: Numbers = np.kron(A, form.Phi_1.T) + np.kron(np.eye(len(A)), form.Phi_0.T)
-    solution: Numbers = np.linalg.lstsq(system, -residual.reshape(-1), rcond=_RANK_TOLERANCE)[0]
+    solution: Numbers = np.linalg.lstsq(system, -residual.reshape(-1), rcond=RANK_TOLERANCE)[0]
     return solution.reshape(len(A), len(form.Phi_0))

@@ -21,7 +21,8 @@ from numpy.testing import assert_allclose
 
 from pilotgen.linear.compare import compare, report
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
-from pilotgen.linear.imposed_motion import full_order_response, split
+from pilotgen.linear.full_order import full_order_response
+from pilotgen.linear.imposed_motion import split
 from pilotgen.linear.modal import modes
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.solver.matrices import Matrices, descriptor, read_matrices

@@ -19,7 +19,8 @@ from numpy.testing import assert_allclose
 
 from pilotgen.errors import EvaluationError, FileError, MatrixError, StudyError
 from pilotgen.linear.feedthrough import CERTIFICATE_BAND_HZ, certificate, make_pilot_model, mayo_pilot
-from pilotgen.linear.imposed_motion import Channels, full_order_response, split, translation_error
+from pilotgen.linear.full_order import full_order_response
+from pilotgen.linear.imposed_motion import Channels, split, translation_error
 from pilotgen.linear.pilot_model import PilotModel, read_pilot_model
 from pilotgen.solver.matrices import Matrices, descriptor
 

@@ -16,7 +16,8 @@ from linear_models import assemble, case, dense_eigenvalues, random_mechanism, s
 from numpy.testing import assert_allclose
 
 from pilotgen.errors import MatrixError
-from pilotgen.linear.modal import ModalModel, independent_constraints, modes
+from pilotgen.linear.modal import ModalModel, modes
+from pilotgen.linear.null_space import independent_constraints
 from pilotgen.solver.descriptor import DescriptorModel
 from pilotgen.solver.matrices import descriptor
 
