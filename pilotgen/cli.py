@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import argparse
 import atexit
+import errno
 import gc
 import importlib
-import io
 import os
 import signal
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any, NoReturn
 
 from pilotgen import __version__
-from pilotgen.errors import EvaluationError, IncompleteOutput, PilotgenError
+from pilotgen.errors import EvaluationError, IncompleteOutput, PilotgenError, without_memory
 from pilotgen.study.fields import did_you_mean
+from pilotgen.terminal import Door, standard_streams, stop_on_signals
 
 COMMANDS = (
     "pilot",
@@ -44,6 +44,10 @@ COMMANDS = (
     "report",
     "table",
     "status",
+    "check",
+    "backup",
+    "examples",
+    "completion",
 )
 
 # New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.
@@ -53,6 +57,11 @@ EXIT_ERROR = 1
 EXIT_FAILED = 2
 EXIT_INCOMPLETE = 4
 EXIT_INTERNAL = 70
+
+NO_MEMORY = (
+    "out of memory; a limit (ulimit -v, a job's memory) is too low, or the machine has no more: about 1.5 GB of "
+    "address space and 250 MB of memory are wanted for each process"
+)
 
 EXIT_CODES: Mapping[int, str] = {  # the same table stands in docs/exit_codes.md
     0: "done as asked",
@@ -72,14 +81,26 @@ class _Parser(argparse.ArgumentParser):
     """argparse, with exit code 1 for a wrong command line and a pointer to the help."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_ERROR, f"{self.prog}: error: {message}\nTry '{self.prog} --help'.\n")
+        self._refuse(self.prog, message)
+
+    def _refuse(self, prog: str, message: str) -> NoReturn:
+        print(f"{prog}: error: {message}\nTry '{prog} --help'.", file=sys.stderr)
+        raise SystemExit(EXIT_ERROR)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Help, with whatever colours argparse gives it."""
+        stream = file if file is not None else sys.stderr
+        if isinstance(stream, Door):
+            stream.raw_write(message)
+        else:
+            stream.write(message)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As argparse, but a flag that is not known points to the help of the command it was given to."""
         found, unknown = self.parse_known_args(args, namespace)
         if unknown:
             prog = f"{self.prog} {found.command}" if getattr(found, "command", None) else self.prog
-            self.exit(EXIT_ERROR, f"{prog}: error: unknown arguments: {' '.join(unknown)}\nTry '{prog} --help'.\n")
+            self._refuse(prog, f"unknown arguments: {' '.join(unknown)}")
         return found
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -95,7 +116,8 @@ def build_parser() -> argparse.ArgumentParser:
         prog="pilotgen",
         description="Which pilot makes this helicopter bounce? Musculoskeletal pilots from biometrics, linearised, "
         "closed with the helicopter's heave and coning dynamics, and searched for the smallest stability margins.",
-        epilog="example:\n  pilotgen search docs/studies/quick.yaml -o results/quick",
+        epilog="example:\n  pilotgen examples quick  # copies quick.yaml here\n"
+        "  pilotgen search quick.yaml -o results/quick",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("-V", "--version", action="version", version=f"pilotgen {__version__}")
@@ -108,13 +130,13 @@ def build_parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     _hold_the_collector_back()
-    code = _run(arguments)
-    try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except OSError:  # told already; what is left over would take the exit code's place when Python ends
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = code or EXIT_ERROR
+    with standard_streams() as (out, err):
+        code = _run(arguments, out)
+        out.flush()  # a full disk behind standard output is found out here, not after the exit code
+        if out.error is not None:
+            if out.error.errno != errno.EPIPE:  # the reader of our output went away, as `head` does
+                print(f"pilotgen: error: standard output: {out.error.strerror or out.error}", file=err)
+            code = code or EXIT_ERROR
     return code
 
 
@@ -125,20 +147,17 @@ def _hold_the_collector_back() -> None:
     atexit.register(gc.freeze)
 
 
-def _run(arguments: Sequence[str] | None) -> int:
-    for stream in (sys.stdout, sys.stderr):  # a degree sign or a file's name must not end a run on an ASCII terminal
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+def _run(arguments: Sequence[str] | None, out: Door) -> int:
     try:
+        stop_on_signals()
         parser = build_parser()
         if not (sys.argv[1:] if arguments is None else arguments):
             parser.print_help()
             return 0
         args = parser.parse_args(arguments)
-        code = int(args.run(args))
-        if sys.stdout is not None:
-            sys.stdout.flush()  # a full disk behind standard output is found out here, not after the exit code
-        return code
+        args.parser = parser
+        out.silent = args.quiet and not args.json and not getattr(args, "long_run", False)
+        return int(args.run(args))
     except EvaluationError as error:
         print(f"pilotgen: failed: {error}", file=sys.stderr)
         return EXIT_FAILED
@@ -150,13 +169,14 @@ def _run(arguments: Sequence[str] | None) -> int:
         return EXIT_ERROR
     except KeyboardInterrupt as interruption:
         return _tell_interruption(interruption)
-    except BrokenPipeError:  # the reader of our output went away, as `head` does
-        return EXIT_ERROR
     except OSError as error:
-        where = f"{error.filename or 'standard output or a file'}: "
+        where = f"{error.filename or 'a file'}: "
         print(f"pilotgen: error: {where}{error.strerror or error}", file=sys.stderr)
         return EXIT_ERROR
     except Exception as error:  # the edge of the program: an error of ours, told without a wall of text
+        if without_memory(error):
+            print(f"pilotgen: error: {NO_MEMORY}", file=sys.stderr)
+            return EXIT_ERROR
         if os.environ.get("PILOTGEN_DEBUG"):
             raise
         print(
@@ -172,8 +192,7 @@ def _tell_interruption(interruption: KeyboardInterrupt) -> int:
     """Say what ended the run and what is kept of it; returns 128 + the signal's number."""
     number, kept = getattr(interruption, "signal", signal.SIGINT), getattr(interruption, "kept", "")
     how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
-    with suppress(OSError):  # of a terminal that went away
-        print(f"\npilotgen: {how}" + (f"; {kept}" if kept else ""), file=sys.stderr, flush=True)
+    print(f"\npilotgen: {how}" + (f"; {kept}" if kept else ""), file=sys.stderr, flush=True)
     return 128 + int(number)
 
 

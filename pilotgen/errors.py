@@ -61,3 +61,19 @@ class IncompleteOutput(PilotgenError):
 
 class MatrixError(PilotgenError):
     """A matrices file is not what it should be."""
+
+
+_NO_MEMORY = ("cannot allocate memory", "failed to map segment", "unable to allocate", "memory allocation failed",
+              "out of memory", "std::bad_alloc", "can't start new thread")  # fmt: skip
+
+
+def without_memory(error: BaseException) -> bool:
+    """Whether an exception, or what it came from, says that memory ran out: no fault of ours or of any input's."""
+    while True:
+        told = str(error).lower()
+        if isinstance(error, MemoryError) or any(words in told for words in _NO_MEMORY):
+            return True
+        before = error.__cause__ or error.__context__
+        if before is None:
+            return False
+        error = before

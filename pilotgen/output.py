@@ -123,6 +123,34 @@ def claimed(
         _write_mark(directory, Mark(name, True, ours, tuple(sorted(others))))
 
 
+def examine(directory: Path, kind: str, writes: Sequence[str], resume: bool = False) -> None:
+    """Refuse a directory as `claimed` would, and write nothing.
+
+    Raises
+    ------
+    FileError
+        As `claimed`, except for what only writing finds out.
+    """
+    directory = directory.absolute()
+    if directory.exists() or directory.is_symlink():
+        if not directory.is_dir():
+            raise FileError(f"{directory} is a file; the output needs a directory")
+        _Contents(directory, False).check(kind, writes, resume)
+
+
+def is_study(directory: Path) -> bool:
+    """Whether a search, a sample or the like wrote, or is writing, to a directory. FileError for a damaged mark."""
+    mark = read_mark(directory)
+    return _is_older_study(directory) if mark is None else mark.kind in STUDY_KINDS
+
+
+def mark_as_interrupted(directory: Path, copy: Path) -> None:
+    """Give the copy of a study the study's mark, as of a run that was interrupted."""
+    mark = read_mark(directory)
+    kind, others = ("search", ()) if mark is None else (mark.kind, mark.others)
+    _write_mark(copy, Mark(kind, False, {}, others))
+
+
 class _Contents:
     """What is in a directory before a command writes to it."""
 

@@ -16,7 +16,9 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import pytest  # noqa: E402
+from command_line import Run  # noqa: E402
 
+from pilotgen.cli import main  # noqa: E402
 from pilotgen.solver.client import SolverClient, find_mbdae  # noqa: E402
 
 
@@ -37,3 +39,19 @@ def solver(mbdae: Path) -> Iterator[SolverClient]:
 def data_directory() -> Path:
     """tests/data: reference results with their sources."""
     return Path(__file__).parent / "data"
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a command line in this process; returns exit code, standard output, standard error."""
+    monkeypatch.delenv("PILOTGEN_DEBUG", raising=False)
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as leave:
+            code = int(leave.code or 0)
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call

@@ -64,12 +64,16 @@ def run(args: argparse.Namespace) -> int:
             directory = stack.enter_context(claimed(args.output, "calibrate", WRITES, overwrite=args.overwrite))
         found = calibrate(context, sensitivities=not args.no_sensitivities)
         text = reflex_yaml(found)
-        print(report(found))
-        print(text, end="")
+        if args.json:
+            common.print_json(found.as_dict())
+        else:
+            print(report(found))
+            print(text, end="")
         if directory is not None:
             write_text(directory / "calibration.json", to_json(found.as_dict()))
             write_text(directory / "reflex.yaml", text)
-            print(f"calibration.json and reflex.yaml are in {directory}")
+            if not args.json:
+                print(f"calibration.json and reflex.yaml are in {directory}")
     return 0
 
 

@@ -34,12 +34,17 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.solver.client import SolverClient
     from pilotgen.solver.mbdyn_check import check_mbdyn
 
-    code = 0
+    code, found = 0, []
     with SolverClient(args.mbdae) as client:
         for deck in args.decks:
             prediction = check_mbdyn(deck, client)
+            found.append({"deck": deck, "runs": prediction.runs, **common.plain(prediction)})
+            code = code if prediction.runs else EXIT_WOULD_FAIL
+            if args.json:
+                continue
             print(f"{deck}: {'runs' if prediction.runs else 'FAILS'} on MBDyn")
             print(f"  initial assembly: {prediction.assembly}")
             print(f"  derivatives: {prediction.derivatives}")
-            code = code if prediction.runs else EXIT_WOULD_FAIL
+    if args.json:
+        common.print_json({"decks": found})
     return code

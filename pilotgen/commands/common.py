@@ -6,9 +6,13 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
+import json
+import math
+import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,21 +25,42 @@ if TYPE_CHECKING:
     from pilotgen.evaluation import FailedEvaluation
     from pilotgen.runs.monitor import Monitor
     from pilotgen.runs.options import RunOptions
+    from pilotgen.runs.session import Run
 
 
-def add_command(commands: Any, name: str, summary: str, description: str, example: str) -> argparse.ArgumentParser:
-    """Add a command with an example in its help."""
+def add_command(
+    commands: Any,
+    name: str,
+    summary: str,
+    description: str,
+    example: str,
+    json_help: str = "print one JSON object instead of text",
+) -> argparse.ArgumentParser:
+    """Add a command with an example in its help, and what all commands have."""
     from pilotgen import __version__
 
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=summary,
         description=description,
-        epilog=f"example:\n  {example}",
+        epilog=f"example:\n{with_its_study(example)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("-V", "--version", action="version", version=f"pilotgen {__version__}")
+    parser.add_argument("--json", action="store_true", help=json_help)
+    parser.add_argument(
+        "--quiet", action="store_true", help="no progress line; commands without one print no text but errors and notes"
+    )
     return parser
+
+
+def with_its_study(example: str) -> str:
+    """An example's lines; one that names a bundled study is told where to get it."""
+    found = re.search(r"docs/studies/([a-z0-9-]+)\.yaml", example)
+    if not found:
+        return f"  {example}"
+    name = found[1]
+    return f"  pilotgen examples {name}  # copies {name}.yaml here\n  {example.replace(found[0], f'{name}.yaml')}"
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:
@@ -104,6 +129,7 @@ def add_mbdae(parser: argparse.ArgumentParser) -> None:
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add workers, resume, failures and executor options of long runs."""
+    parser.set_defaults(long_run=True)
     parser.add_argument(
         "--workers", metavar="N", type=positive_int, default=None, help="processes (default: one per core)"
     )
@@ -138,7 +164,6 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", default=None, help="address of a running dask scheduler, e.g. tcp://host:8786"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress line")
     parser.add_argument(
         "--log",
         metavar="FILE",
@@ -217,11 +242,7 @@ def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, Any]]:
         value = given.get(locate(name))
         if isinstance(value, int | float) and not low <= value <= high:
             unit = f" {study_unit(name)}".rstrip()
-            print(
-                f"pilotgen: note: {name} = {value:g}{unit} is outside the study's search box, "
-                f"{low:g} to {high:g}{unit}",
-                file=sys.stderr,
-            )
+            say(f"{name} = {value:g}{unit} is outside the study's search box, {low:g} to {high:g}{unit}")
     return changed, values
 
 
@@ -278,6 +299,65 @@ def told_below(lacks: Sequence[str]) -> int:
     for sentence in lacks:
         print(f"pilotgen: below limits: {sentence}", file=sys.stderr)
     return EXIT_BELOW if lacks else 0
+
+
+def run_summary(study_path: Path, done: Run, solver: str, worst: int = 10) -> dict[str, Any]:
+    """What a search or a sample prints with --json: counts, files, its worst pilots, failures by reason."""
+    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.report import findings
+    from pilotgen.runs.batch import failures_by_reason, replay_command
+    from pilotgen.runs.results import read_results
+
+    results, progress = read_results(done.path), done.progress
+    columns = results.columns
+    pilots = [
+        {
+            "values": dict(zip(results.names, columns["inputs"][k].tolist(), strict=True)),
+            "stable": bool(columns["stable"][k] == 1),
+            **{key: float(columns[key][k]) for key in OBJECTIVES},
+        }
+        for k in findings.distinct(results, findings.worst_order(results), worst)
+    ]
+    report = done.path.with_name("report.html")
+    return {
+        "results": done.path,
+        "report": report if report.exists() else None,
+        "stopped_by": done.stopped_by,
+        "done": progress.done,
+        "evaluated": progress.evaluated,
+        "served": progress.served,
+        "failed": progress.failed,
+        "unstable": progress.unstable,
+        "cpu_s": progress.cpu_s,
+        "worst": pilots,
+        "failures": [
+            {"stage": stage, "reason": reason, "count": count,
+             "again": replay_command(str(study_path), example["values"], solver)}
+            for stage, reason, count, example in failures_by_reason(done.results)
+        ],
+    }  # fmt: skip
+
+
+def print_json(data: Any) -> None:
+    """Print one JSON object; what is infinite or no number becomes null."""
+    print(json.dumps(plain(data), indent=2, allow_nan=False))
+
+
+def plain(data: Any) -> Any:
+    """As JSON takes it: dataclasses, arrays, paths and complex numbers ([real, imaginary]) included."""
+    if is_dataclass(data) and not isinstance(data, type):
+        return {field.name: plain(getattr(data, field.name)) for field in fields(data)}
+    if isinstance(data, Mapping):
+        return {str(key): plain(value) for key, value in data.items()}
+    if hasattr(data, "tolist"):
+        return plain(data.tolist())
+    if isinstance(data, list | tuple | set | frozenset):
+        return [plain(value) for value in data]
+    if isinstance(data, complex):
+        return [plain(data.real), plain(data.imag)]
+    if isinstance(data, float) and not math.isfinite(data):
+        return None
+    return str(data) if isinstance(data, Path) else data
 
 
 def say(sentence: str) -> None:

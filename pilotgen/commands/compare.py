@@ -41,8 +41,11 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, print."""
-    from pilotgen.linear.compare import run_compare
+    from pilotgen.linear.compare import compare_files, report
 
-    text, code = run_compare(args.a, args.b, args.tolerance)
-    print(text)
-    return EXIT_DIFFERENT if code else 0
+    found = compare_files(args.a, args.b, args.tolerance)
+    if args.json:
+        common.print_json({"agree": found.agree, **common.plain(found)})
+    else:
+        print(report(found))
+    return 0 if found.agree else EXIT_DIFFERENT

@@ -44,10 +44,14 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.linear.compare_motion import compare_motion, report
     from pilotgen.solver.client import SolverClient
 
-    code = 0
+    code, found = 0, []
     with SolverClient(args.mbdae) as client:
         for theirs in args.theirs:
             comparison = compare_motion(args.deck, args.ours, theirs, client, args.tolerance)
-            print(report(comparison))
+            found.append({"agree": comparison.agree, **common.plain(comparison)})
+            if not args.json:
+                print(report(comparison))
             code = code if comparison.agree else EXIT_DIFFERENT
+    if args.json:
+        common.print_json({"comparisons": found})
     return code

@@ -51,6 +51,9 @@ def run(args: argparse.Namespace) -> int:
         if failure is not None:
             print(common.failure_text(failure, directory), file=sys.stderr)
             return 2
-        for name in DECK_NAMES:
-            print(directory / name)
+        decks = [directory / name for name in DECK_NAMES]
+        if args.json:
+            common.print_json({"decks": decks})
+        else:
+            print("\n".join(map(str, decks)))
     return 0

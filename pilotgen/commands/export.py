@@ -59,18 +59,26 @@ def run(args: argparse.Namespace) -> int:
     model = _model(args)
     if args.format == "h5":
         model.write(args.output)
+        if args.json:
+            common.print_json({"file": args.output, "format": args.format})
         return 0
     system = export.named(model, washout=not args.no_washout)
     states = len(system.A)
     if wants_reduction:
         system = export.reduced(system, args.order, args.tolerance)
-        print(f"{states} states reduced to {len(system.A)}, largest error {system.error:.2g} of the largest gain")
+        if not args.json:
+            print(f"{states} states reduced to {len(system.A)}, largest error {system.error:.2g} of the largest gain")
     if args.format == "mat":
         write_bytes(args.output, export.as_mat(system))
     elif args.format == "csv":
         write_text(args.output, export.as_table(system))
     else:
         write_text(args.output, json.dumps(export.state_space_object(system), indent=1, allow_nan=False) + "\n")
+    if args.json:
+        error = system.error if wants_reduction else None
+        common.print_json(
+            {"file": args.output, "format": args.format, "states": len(system.A), "reduction_error": error}
+        )
     return 0
 
 

@@ -112,11 +112,11 @@ def run(args: argparse.Namespace) -> int:
     listed = sorted({f for part in args.frequencies or [] for f in part})
     frequencies = tuple(listed) or DEFAULT_FREQUENCIES_HZ
     amplitudes = tuple(dict.fromkeys(args.amplitudes or (SMALL_AMPLITUDE_M_S2,)))
-    line = ProgressLine(total=0)
+    line = ProgressLine(total=0, quiet=args.quiet)
 
     def progress(text: str, done: int, total: int) -> None:
         left = line.time_left(done, total)
-        line.update(f"{done}/{total}  {text}" + (f", {left} left" if left else ""))
+        line.update((f"{done}/{total}  {text}", f"{left} left" if left else ""), share=done / max(1, total))
 
     with (
         EvaluationContext(study, mbdae=args.mbdae) as context,
@@ -140,11 +140,15 @@ def run(args: argparse.Namespace) -> int:
             line.finish()
         write_text(directory / "results.json", to_json(found.as_dict()))
         write_identification(found, directory / "results.h5")
-        print(report(found), flush=True)
+        if args.json:
+            common.print_json(found.as_dict())
+        else:
+            print(report(found), flush=True)
         if not args.no_figures:
             from pilotgen.figures import style
             from pilotgen.figures.identification import identification
 
             style.save(identification(found), directory / "identification.png")
-        print(f"decks, motions, results.json, results.h5 and figures are in {directory}")
+        if not args.json:
+            print(f"decks, motions, results.json, results.h5 and figures are in {directory}")
     return 0

@@ -51,7 +51,6 @@ def add_parser(commands: Any) -> None:
         metavar="M",
         help="pivot to grip of the cyclic stick [m] (default 0.6)",
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a text")
     parser.set_defaults(run=run)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +33,6 @@ def add_parser(commands: Any) -> None:
         "pilotgen margins docs/studies/loops/notch.json --json",
     )
     parser.add_argument("loop", metavar="LOOP.json|.mat", type=Path, help="the loop")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a text")
     parser.set_defaults(run=run)
 
 
@@ -47,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 
     file = read_loop(args.loop)
     if file.ignored:
-        print(f"pilotgen: note: {args.loop}: not used: {', '.join(file.ignored)}", file=sys.stderr)
+        common.say(f"{args.loop}: not used: {', '.join(file.ignored)}")
     answer = None
     if isinstance(file.loop, FrequencyData):
         found, answer = data_margins(file.loop)

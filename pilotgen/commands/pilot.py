@@ -40,6 +40,7 @@ def add_parser(commands: Any) -> None:
         "result.json, pilot_model.h5 and Bode and Nyquist figures in DIR and prints a short summary. With --uncertain: "
         "how his margins spread over what the study's section uncertain does not know of him.",
         "pilotgen pilot docs/studies/puma-bmi.yaml -o results/tall --set stature_m=1.95 bmi=28",
+        json_help="print the result object instead of the summary",
     )
     common.add_study(parser)
     common.add_output(parser)
@@ -58,7 +59,6 @@ def add_parser(commands: Any) -> None:
         "--workers", metavar="N", type=common.positive_int, default=None, help="processes of --uncertain (default: one "
         "per core)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the result object instead of the summary")
     parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
     parser.set_defaults(run=run)
 
@@ -120,13 +120,13 @@ def _draw(args: argparse.Namespace, context: EvaluationContext, nominal: Evaluat
     from pilotgen.runs.uncertain_study import uncertain_study
 
     number = args.number or DRAWS
-    line = ProgressLine(number)
+    line = ProgressLine(number, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:
         if line.due(milestone):
             left = line.time_left(progress.done)
             text = f"{progress.done}/{number} draws, {progress.failed} failed"
-            line.update(text + (f" | {left} left" if left else ""), milestone)
+            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, number))
 
     options = RunOptions(workers=args.workers, solver=args.solver, mbdae=args.mbdae, mbdyn=args.mbdyn)
     try:

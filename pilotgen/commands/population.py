@@ -29,6 +29,7 @@ def add_parser(commands: Any) -> None:
         "below the study's limits, each with a 95 % interval, and who is nearest to the limits. Leaves population.json "
         "and people.csv in DIR. Same journal, workers and --resume as a search.",
         "pilotgen population docs/studies/puma-population.yaml -n 2000 -o results/population",
+        json_help="print population.json instead of sentences",
     )
     common.add_study(parser)
     common.add_output(parser)
@@ -46,7 +47,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
     )
-    parser.add_argument("--json", action="store_true", help="print population.json instead of sentences")
     common.add_workers(parser)
     common.add_solver(parser)
     parser.set_defaults(run=run)
@@ -62,10 +62,9 @@ def _width(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write, print."""
-    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    stop_on_sigterm()
     from pilotgen.output import claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.population_study import population_study
@@ -80,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         if line.due(milestone):
             left = line.time_left(progress.done)
             text = f"{progress.done}/{progress.total} people, {progress.failed} failed, {progress.unstable} unstable"
-            line.update(text + (f" | {left} left" if left else ""), milestone)
+            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, progress.total))
 
     with (
         claimed(args.output, "population", WRITES, args.resume, args.overwrite) as directory,
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     ):
         try:
             done = population_study(
-                study, directory, args.number, args.until_width, args.seed, options, show, monitor.say
+                study, directory, args.number, args.until_width, args.seed, options, show, line.before(monitor.say)
             )
         finally:
             line.finish()

@@ -75,7 +75,10 @@ def run(args: argparse.Namespace) -> int:
             mbdyn=args.mbdyn,
             evaluations=not args.no_evaluations,
         )
-    print(f"report: {report}")
+    if args.json:
+        common.print_json({"report": report})
+    else:
+        print(f"report: {report}")
     return 0
 
 

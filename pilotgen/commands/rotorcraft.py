@@ -31,18 +31,37 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the report; with -o, draw the figure."""
     from pilotgen.loop.heave_model import HeaveModel, rotorcraft_report
-    from pilotgen.study.rotorcraft import load_rotorcraft
+    from pilotgen.study.rotorcraft import HEAVE_NUMBERS, load_rotorcraft
     from pilotgen.study.study import read_study
 
     rotorcraft = (
         read_study(args.name).rotorcraft if args.name.endswith((".yaml", ".yml")) else load_rotorcraft(args.name)
     )
-    print(rotorcraft_report(rotorcraft))
+    figure = None
+    if not args.json:
+        print(rotorcraft_report(rotorcraft))
     if args.output is not None:
         from pilotgen.figures import rotorcraft_bode, style
         from pilotgen.output import claimed
 
         with claimed(args.output, "rotorcraft", (FIGURE_NAME,), overwrite=args.overwrite) as directory:
-            style.save(rotorcraft_bode(HeaveModel(rotorcraft)), directory / FIGURE_NAME)
-            print(f"Bode figure: {directory / FIGURE_NAME}")
+            figure = directory / FIGURE_NAME
+            style.save(rotorcraft_bode(HeaveModel(rotorcraft)), figure)
+    if args.json:
+        model = HeaveModel(rotorcraft)
+        numerator, denominator = model.transfer_function
+        numbers = {key: getattr(rotorcraft, key) for key in HEAVE_NUMBERS}
+        common.print_json(
+            {
+                "name": rotorcraft.name,
+                "source": rotorcraft.source,
+                **numbers,
+                "poles_rad_s": model.poles,
+                "numerator": numerator,
+                "denominator": denominator,
+                "figure": figure,
+            }
+        )
+    elif figure is not None:
+        print(f"Bode figure: {figure}")
     return 0

@@ -47,10 +47,9 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Sample, write, print."""
-    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    stop_on_sigterm()
     from pilotgen.output import STUDY_FILES, claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.sample_study import sample_study
@@ -65,17 +64,22 @@ def run(args: argparse.Namespace) -> int:
         if line.due(milestone):
             left = line.time_left(progress.done)
             text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
-            line.update(text + (f" | {left} left" if left else ""), milestone)
+            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, progress.total))
 
     with (
         claimed(args.output, "sample", STUDY_FILES, args.resume, args.overwrite) as directory,
         common.monitored(args, directory, "sample", study.name) as monitor,
     ):
         try:
-            done = sample_study(study, directory, args.number, args.method, args.seed, options, show, monitor.say)
+            done = sample_study(
+                study, directory, args.number, args.method, args.seed, options, show, line.before(monitor.say)
+            )
         finally:
             line.finish()
-    print_sample(done)
+    if args.json:
+        common.print_json(common.run_summary(args.study, done, options.solver))
+    else:
+        print_sample(done)
     if not done.any_ok:
         return 2
     if args.fail_below:

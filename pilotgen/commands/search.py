@@ -53,10 +53,9 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search, write, print."""
-    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    stop_on_sigterm()
     from pilotgen.output import STUDY_FILES, claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.search_study import search_study
@@ -71,12 +70,13 @@ def run(args: argparse.Namespace) -> int:
     def show(progress: Progress, milestone: bool) -> None:
         monitor(progress, milestone)
         if line.due(milestone):
-            line.update(progress_text(progress, line.time_left(progress.done, progress.total)), milestone)
+            share = progress.done / max(1, progress.total)
+            line.update(progress_parts(progress, line.time_left(progress.done, progress.total)), milestone, share)
 
     with claimed(args.output, "search", STUDY_FILES, args.resume, args.overwrite) as directory:
         with common.monitored(args, directory, "search", study.name) as monitor:
             try:
-                done = search_study(study, directory, options, show, args.extend, monitor.say)
+                done = search_study(study, directory, options, show, args.extend, line.before(monitor.say))
             finally:
                 line.finish()
         incomplete: IncompleteOutput | None = None
@@ -89,7 +89,10 @@ def run(args: argparse.Namespace) -> int:
                 )
             except IncompleteOutput as problem:
                 incomplete = problem
-        print_worst(study, args.study, done, options.solver)
+        if args.json:
+            common.print_json(common.run_summary(args.study, done, options.solver))
+        else:
+            print_worst(study, args.study, done, options.solver)
     if incomplete is not None:
         raise incomplete
     if not done.any_ok:
@@ -105,20 +108,19 @@ def below_in_study(path: Path, limits: Mapping[str, float | None]) -> list[str]:
     return pilots_below_limits(read_results(path), limits)
 
 
-def progress_text(progress: Progress, left: str) -> str:
-    """`generation 3/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | 0:12 left`."""
+def progress_parts(progress: Progress, left: str) -> list[str]:
+    """`smallest GM 1.82 dB, PM 34.1 deg`, `at most 0:12 left`, `generation 3/30`, `412 evaluations, 2 failed`."""
     from pilotgen.objectives import OBJECTIVES
     from pilotgen.progress_line import counted
 
     margins = ", ".join(OBJECTIVES[name].brief(value) for name, value in progress.smallest.items())
     served = f" ({progress.served} from the journal)" if progress.served else ""
-    parts = [
-        f"generation {progress.generation + 1}/{progress.generations}",
-        f"{counted(progress.done, 'evaluation')}{served}, {progress.failed} failed",
+    return [
         f"smallest {margins}" if margins else "",
         f"at most {left} left" if left else "",
+        f"generation {progress.generation + 1}/{progress.generations}",
+        f"{counted(progress.done, 'evaluation')}{served}, {progress.failed} failed",
     ]
-    return " | ".join(part for part in parts if part)
 
 
 def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:

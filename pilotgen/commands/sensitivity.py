@@ -29,6 +29,7 @@ def add_parser(commands: Any) -> None:
         "Morris screening; slopes at the nominal pilot beside them. N base points of k numbers are N (k + 2) pilots. "
         "Leaves sensitivity.json in DIR. Same journal, workers and --resume as a search.",
         "pilotgen sensitivity docs/studies/puma-sensitivity.yaml -n 256 -o results/sensitivity",
+        json_help="print sensitivity.json instead of tables",
     )
     common.add_study(parser)
     common.add_output(parser)
@@ -46,7 +47,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
     )
-    parser.add_argument("--json", action="store_true", help="print sensitivity.json instead of tables")
     common.add_workers(parser)
     common.add_solver(parser)
     parser.set_defaults(run=run)
@@ -54,10 +54,9 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write, print."""
-    from pilotgen.runs.executor import pin_threads, stop_on_sigterm
+    from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    stop_on_sigterm()
     from pilotgen.output import claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.sensitivity_study import sensitivity_study
@@ -72,14 +71,16 @@ def run(args: argparse.Namespace) -> int:
         if line.due(milestone):
             left = line.time_left(progress.done, progress.total)
             text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
-            line.update(text + (f" | {left} left" if left else ""), milestone)
+            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, progress.total))
 
     with (
         claimed(args.output, "sensitivity", WRITES, args.resume, args.overwrite) as directory,
         common.monitored(args, directory, "sensitivity", study.name) as monitor,
     ):
         try:
-            done = sensitivity_study(study, directory, args.number, args.method, args.seed, options, show, monitor.say)
+            done = sensitivity_study(
+                study, directory, args.number, args.method, args.seed, options, show, line.before(monitor.say)
+            )
         finally:
             line.finish()
     if args.json:

@@ -30,7 +30,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "directory", metavar="DIR", type=common.user_path, help="output directory of a search or sample"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 
 

@@ -30,6 +30,7 @@ def add_parser(commands: Any) -> None:
         "in the names of the columns. CSV: an infinite margin is inf, what a failed pilot lacks is empty; JSON: both "
         "are null. To standard output, or with -o to a file, which must not exist.",
         "pilotgen table results/quick --format csv -o quick.csv",
+        json_help="the same as --format json",
     )
     parser.add_argument(
         "directory",
@@ -37,7 +38,7 @@ def add_parser(commands: Any) -> None:
         type=common.user_path,
         help="output directory of `pilotgen search` or `pilotgen sample`, or a study.h5",
     )
-    parser.add_argument("--format", choices=FORMATS, default="csv", help="default: csv; parquet needs pandas, pyarrow")
+    parser.add_argument("--format", choices=FORMATS, default=None, help="default: csv; parquet needs pandas, pyarrow")
     parser.add_argument("-o", "--output", metavar="FILE", type=common.user_path, default=None, help="file to write")
     parser.set_defaults(run=run)
 
@@ -47,6 +48,9 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.api import open_results
     from pilotgen.files import write_bytes
 
+    if args.json and args.format not in (None, "json"):
+        raise FileError(f"--json and --format {args.format} exclude each other; leave one out")
+    args.format = "json" if args.json else args.format or "csv"
     if args.output is not None and args.output.exists():
         raise FileError(f"{args.output} exists; choose another file, or move it aside")
     if args.format == "parquet" and args.output is None:

@@ -23,12 +23,12 @@ def add_parser(commands: Any) -> None:
         "and head of one pilot; published bands and models beside it. Leaves seat_vibration.json, seat_vibration.png "
         "and the decks in DIR and prints a table. Published values are of rigid seats: cockpit.seat.cushion=none.",
         "pilotgen torso docs/studies/puma-bmi.yaml -o results/torso --set cockpit.seat.cushion=none",
+        json_help="print seat_vibration.json instead of the table",
     )
     common.add_study(parser)
     common.add_output(parser)
     common.add_settings(parser)
     common.add_mbdae(parser)
-    parser.add_argument("--json", action="store_true", help="print seat_vibration.json instead of the table")
     parser.add_argument("--no-figures", action="store_true", help="do not draw the figure")
     parser.set_defaults(run=run)
 

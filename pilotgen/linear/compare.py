@@ -132,10 +132,10 @@ def compare(a: Matrices, b: Matrices, tolerance: float = 1e-9) -> Comparison:
     )
 
 
-def run_compare(
+def compare_files(
     path_a: str | os.PathLike[str], path_b: str | os.PathLike[str], tolerance: float = 1e-9
-) -> tuple[str, int]:
-    """Compare two files; return the text to print and 0 if they agree within the tolerance, 1 if not.
+) -> Comparison:
+    """Compare two files.
 
     FileError if a file cannot be read.
 
@@ -152,8 +152,7 @@ def run_compare(
     else:
         a = read_any(path_a)
         b = read_any(path_b, layout=a if own[0] else None)
-    comparison = compare(a, b, tolerance)
-    return report(comparison), 0 if comparison.agree else 1
+    return compare(a, b, tolerance)
 
 
 def report(comparison: Comparison) -> str:

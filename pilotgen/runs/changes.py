@@ -19,7 +19,7 @@ from pilotgen.study.study import Study, study_from_text
 
 SHAPES = ("variables", "objectives")  # of study.h5, whatever the kind of run
 COURSE = ("algorithm", "population", "mutation_probability", "within")  # of a search
-FREE = ("seed", "generations", "stop_rank_one_fraction")
+FREE = ("seed", "generations", "stop_rank_one_fraction", "stop_unchanged_generations")
 
 
 @dataclass(frozen=True)

@@ -49,38 +49,6 @@ def pin_threads() -> None:
         os.environ[variable] = "1"
 
 
-class Interrupted(KeyboardInterrupt):
-    """A run was ended from outside.
-
-    Attributes
-    ----------
-    signal : int
-        The signal.
-    kept : str
-        What is kept of the run, in words; empty for nothing.
-    """
-
-    def __init__(self, number: int = signal.SIGINT, kept: str = "") -> None:
-        super().__init__()
-        self.signal, self.kept = number, kept
-
-
-def stop_on_sigterm() -> None:
-    """Have SIGTERM and SIGHUP end this process as Ctrl-C does: what was recorded is kept, workers are stopped.
-
-    The signals raise Interrupted where the program is.
-
-    A SIGHUP that is ignored (nohup) stays ignored.
-    """
-
-    def interrupt(number: int, _: object) -> None:
-        raise Interrupted(number)
-
-    signal.signal(signal.SIGTERM, interrupt)
-    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        signal.signal(signal.SIGHUP, interrupt)
-
-
 @contextmanager
 def _signals_wait() -> Iterator[None]:
     """Signals that interrupt come after the block, not in it."""

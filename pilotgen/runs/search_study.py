@@ -95,12 +95,24 @@ def search_study(
             found.front,
         )
         batch.journal.set_meta("generations", str(settings.generations))
-        if extend and len(found.members) < settings.generations and say is not None:
-            say(
-                f"stopped after generation {len(found.members)}, as before: the population is of rank one; "
-                "to go on, write search.stop_rank_one_fraction: null in the study"
-            )
+        if len(found.members) < settings.generations and say is not None:
+            say(why_it_stopped(found.stopped_by, len(found.members), settings))
     return Run(directory / RESULTS_NAME, progress, found.stopped_by, tuple(dict(row.result) for row in rows))
+
+
+def why_it_stopped(stopped_by: str, done: int, settings: SearchSettings) -> str:
+    """A sentence on a search that stopped before its limit, and how it goes on."""
+    from pilotgen.search.termination import CONVERGED
+
+    if stopped_by == CONVERGED:
+        why = f"converged: {settings.stop_unchanged_generations} generations found no pilot that is worse"
+        key = "stop_unchanged_generations"
+    else:
+        why, key = "the population is of rank one", "stop_rank_one_fraction"
+    return (
+        f"stopped after generation {done} of {settings.generations}, {why}; to go on, write search.{key}: null in the "
+        "study and add --resume"
+    )
 
 
 def _generations(journal: Journal, settings: SearchSettings, extend: int) -> int:

@@ -19,13 +19,14 @@ from pilotgen.errors import FileError
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
 from pilotgen.runs.changes import changes, table_of_changes
-from pilotgen.runs.executor import Interrupted, ProcessWorkers, Workers
+from pilotgen.runs.executor import ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import read_results
 from pilotgen.runs.task import Task, run_task
 from pilotgen.study.study import Study
+from pilotgen.terminal import Interrupted
 
 Say = Callable[[str], None]  # of one sentence
 
@@ -45,7 +46,7 @@ class Run:
     progress : Progress
         What was done.
     stopped_by : str
-        As in study.h5: `rank one share`, `generation limit`, `sample complete`.
+        As in study.h5: `rank one share`, `converged`, `generation limit`, `sample complete`.
     results : tuple of dict
         Result objects of the evaluations in the order of study.h5; empty for a sample, whose number has no limit.
     """

@@ -39,7 +39,7 @@ class SearchResult:
     front : ndarray of int
         Indices of the final population's members that are rank one.
     stopped_by : str
-        `rank one share` or `generation limit`; empty while the search is going on.
+        `rank one share`, `converged` or `generation limit`; empty while the search is going on.
     """
 
     problem: Problem
@@ -139,12 +139,14 @@ class Search(ABC):
         self.generation += 1
         kept = self._F[self.population]
         share = termination.rank_one_share(ranking.non_dominated_rank(kept), np.isnan(kept).any(axis=1))
+        settings = self.settings
         self.stopped_by = (
-            termination.stopped_by(
-                share, self.settings.stop_rank_one_fraction, self.generation, self.settings.generations
-            )
-            or ""
+            termination.stopped_by(share, settings.stop_rank_one_fraction, self.generation, settings.generations) or ""
         )
+        if self.stopped_by != termination.RANK_ONE_SHARE and settings.stop_unchanged_generations is not None:
+            generation = np.array(self._generation_of)
+            if termination.converged(self._F, generation, settings.stop_unchanged_generations):
+                self.stopped_by = termination.CONVERGED
 
     def result(self) -> SearchResult:
         """Return all that happened so far."""

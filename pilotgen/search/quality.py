@@ -63,7 +63,11 @@ def compare_with_nsga2(
         problem = Problem.from_settings(mine)
         result = run_search(problem, mine, lambda X, _: evaluate(X))
         theirs = dataclasses.replace(
-            mine, algorithm="nsga2", generations=len(result.members), stop_rank_one_fraction=None
+            mine,
+            algorithm="nsga2",
+            generations=len(result.members),
+            stop_rank_one_fraction=None,
+            stop_unchanged_generations=None,
         )
         other = run_search(problem, theirs, lambda X, _: evaluate(X))
         if reference is None:

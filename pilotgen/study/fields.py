@@ -212,8 +212,10 @@ class Whole(Field):
         """Whether a search may vary it."""
         return True
 
-    def check(self, what: str, data: Any) -> int:
-        """Return the number as int. StudyError for anything else."""
+    def check(self, what: str, data: Any) -> int | None:
+        """Return the number as int (None for an allowed null). StudyError for anything else."""
+        if data is None and self.null:
+            return None
         if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data) or data != int(data):
             raise StudyError(
                 f"{what} is not a whole number; one from {self.low} to {self.high} is wanted{self.advice(data)}"

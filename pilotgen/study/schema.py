@@ -341,8 +341,17 @@ SCHEMA: Mapping[str, Field] = {
         "",
         default=0.90,
         null=True,
-        hint="a fraction: 90 % is 0.90; write null to run all generations",
-        meaning="stop when so many of the population are rank one; null to run all generations",
+        hint="a fraction: 90 % is 0.90; write null for no such stop",
+        meaning="stop when so many of the population are rank one; null: never for this reason",
+    ),
+    "search.stop_unchanged_generations": Whole(
+        1,
+        100_000,
+        default=10,
+        null=True,
+        hint="write null for no such stop",
+        meaning="stop when so many generations found nothing worse than 0.1 % of what the first one spans; null: never "
+        "for this reason",
     ),
     **within_rows(MULTIBODY),
     # ---- people

@@ -99,6 +99,7 @@ class SearchSettings:
     algorithm: str  # "goldberg" | "nsga2"
     stop_rank_one_fraction: float | None  # stop when so many of the population are rank one; None: never
     within: dict[str, Any] | None = None  # `population`, `probability` of the region to stay in; None: all of the box
+    stop_unchanged_generations: int | None = None  # stop when so many found nothing worse; None: never
 
 
 @dataclass(frozen=True)
@@ -476,7 +477,7 @@ def _search(data: Mapping[str, Any]) -> SearchSettings:
     within = within_from(data.get("within"), data["variables"])
     settings = SearchSettings(**{**defaults("search"), **data, "within": within})
     if settings.stop_rank_one_fraction == 0.0:
-        raise Mistake("search.stop_rank_one_fraction", 0.0, "would stop at once; write null to run all generations")
+        raise Mistake("search.stop_rank_one_fraction", 0.0, "would stop at once; write null for no such stop")
     if settings.algorithm == "nsga2" and settings.population % 2:
         raise Mistake(
             "search.population",

@@ -19,7 +19,7 @@ from matrices_writer import write_matrices
 from test_matrices import complete_matrices
 
 from pilotgen.errors import FileError
-from pilotgen.linear.compare import run_compare
+from pilotgen.linear.compare import compare_files
 from pilotgen.output import _locked
 from pilotgen.runs.journal import Journal
 from pilotgen.solver.scratch import ScratchDirectory
@@ -82,7 +82,7 @@ def test_matrices_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdout.readline() == "held\n"
         with pytest.raises(FileError, match="another process has it open for writing"):
-            run_compare(path, path)
+            compare_files(path, path)
         process.communicate("")
 
     opened = h5py.File
@@ -95,4 +95,4 @@ def test_matrices_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     good = tmp_path / "good.h5"
     write_matrices(good, complete_matrices())
     monkeypatch.setattr(h5py, "File", without_locks)
-    assert run_compare(good, good)[1] == 0
+    assert compare_files(good, good).agree

@@ -16,7 +16,8 @@ import pytest
 
 from pilotgen.progress_line import ProgressLine, counted, format_duration
 
-LONG = "generation 1/30 | 412 evaluations, 2 failed | smallest GM 1.82 dB, PM 34.1 deg | at most 0:12 left"
+PARTS = ("smallest GM 1.82 dB, PM 34.1 deg", "at most 0:12 left", "generation 1/30", "412 evaluations, 2 failed")
+LONG = " | ".join(PARTS)
 
 
 @pytest.mark.parametrize(
@@ -89,11 +90,50 @@ def on_terminal(columns: int, *texts: str) -> str:
 
 
 def test_a_line_never_wraps() -> None:
-    for columns in (20, 80, len(LONG), len(LONG) + 1):
+    for columns in (5, 20, 80, len(LONG), len(LONG) + 1):
         drawn = on_terminal(columns, LONG, "short").strip("\r\n").split("\r")
         assert all(len(text) < columns for text in drawn)
-        assert drawn[0].startswith(LONG[: columns // 2])
-        assert drawn[-1].rstrip() == "short" and len(drawn[-1]) >= len(drawn[0]), (
-            "the rest of a longer line is wiped out"
-        )
+        assert drawn[0].startswith(LONG[: columns // 2 - 2])
+        assert drawn[-1].rstrip()[:5] == "short"[: max(1, columns - 4)] or columns == 5
+        assert len(drawn[-1]) >= len(drawn[0]), "the rest of a longer line is wiped out"
     assert on_terminal(200, LONG) == f"\r{LONG}\r\n"
+
+
+@pytest.mark.parametrize(
+    ("columns", "wanted"),
+    [
+        (38, "smallest GM 1.82 dB, PM 34.1 deg"),
+        (60, f"{PARTS[0]} | {PARTS[1]}"),
+        (65, f"[####.....] {PARTS[0]} | {PARTS[1]}"),
+        (80, f"[###...] {PARTS[0]} | {PARTS[1]} | {PARTS[2]}"),
+        (130, f"[##########..........] {LONG}"),
+    ],
+)
+def test_margins_and_time_left_come_first_and_a_bar_takes_what_is_left(columns: int, wanted: str) -> None:
+    ours, theirs = pty.openpty()
+    try:
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        with open(theirs, "w", closefd=False) as stream:
+            ProgressLine(10, stream).update(PARTS, share=0.5)
+        drawn = os.read(ours, 65536).decode()
+        assert drawn[1:] == wanted, drawn
+        assert len(drawn) <= columns
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_sentences_stand_on_lines_of_their_own() -> None:
+    ours, theirs = pty.openpty()
+    try:
+        with open(theirs, "w", closefd=False) as stream:
+            line = ProgressLine(10, stream)
+            line.update("half")
+            line.before(lambda sentence: print(sentence, file=stream, flush=True))("a note")
+        received = b""
+        while not received.endswith(b"note\r\n"):
+            received += os.read(ours, 65536)
+        assert received == b"\rhalf\r\na note\r\n"
+    finally:
+        os.close(ours)
+        os.close(theirs)

@@ -12,7 +12,14 @@ from pilotgen.search import GeneticSearch, Problem, SearchResult, make_search, r
 from pilotgen.search.algorithm import Search
 from pilotgen.search.ranking import non_dominated_rank
 from pilotgen.search.sampling import sobol
-from pilotgen.search.termination import GENERATION_LIMIT, RANK_ONE_SHARE, rank_one_share, stopped_by
+from pilotgen.search.termination import (
+    CONVERGED,
+    GENERATION_LIMIT,
+    RANK_ONE_SHARE,
+    converged,
+    rank_one_share,
+    stopped_by,
+)
 from pilotgen.study.study import SearchSettings
 
 ALGORITHMS = ["goldberg", "nsga2"]
@@ -158,6 +165,28 @@ def test_termination_rules() -> None:
     assert stopped_by(0.89, 0.9, 1, 30) is None
     assert stopped_by(1.0, None, 1, 30) is None
     assert stopped_by(0.0, 0.9, 30, 30) == GENERATION_LIMIT
+
+
+def test_a_search_that_finds_nothing_more_stops_and_says_so() -> None:
+    F = np.array([[4.0, 1.0], [1.0, 4.0], [np.nan, np.nan], [2.0, 2.0], [1.9, 2.5], [2.0005, 2.0], [4.0, 0.9985]])
+    generation = np.array([0, 0, 0, 1, 2, 3, 4])
+    assert not converged(F[:4], generation[:4], 1), "the front has a new corner"
+    assert not converged(F[:5], generation[:5], 1), "the front grew, though no objective has a new minimum"
+    assert converged(F[:6], generation[:6], 1), "a step of less than 0.1 % of the first generation's range is none"
+    assert not converged(F[:6], generation[:6], 2)
+    assert converged(F, generation, 2)
+    assert not converged(np.full((3, 2), np.nan), np.array([0, 1, 2]), 2), "of pilots who all fail nothing is known"
+
+
+def test_convergence_ends_a_search_before_its_limit() -> None:
+    def corner(X: np.ndarray) -> np.ndarray:
+        return np.stack((X[:, 0] + X[:, 1] + X[:, 2],) * 2, axis=1)
+
+    result = run(settings(generations=80, stop_unchanged_generations=5), corner)
+    assert result.stopped_by == CONVERGED and 6 <= len(result.members) < 80
+    np.testing.assert_allclose(result.F.min(axis=0), [8.0, 8.0], atol=0.1)
+    limited = run(settings(generations=8), lambda X: np.ones((len(X), 2)))
+    assert limited.stopped_by == GENERATION_LIMIT
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

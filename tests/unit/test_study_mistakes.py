@@ -137,7 +137,7 @@ MISTAKES = [
     (
         "  seed: 1",
         "  stop_rank_one_fraction: 0",
-        "s.yaml:17: search.stop_rank_one_fraction = 0 would stop at once; write null to run all generations",
+        "s.yaml:17: search.stop_rank_one_fraction = 0 would stop at once; write null for no such stop",
     ),
     (
         "{age_years: [25, 65], bmi: [18, 30], stature_m: [1.55, 2.00]}",

@@ -1,0 +1,200 @@
+"""What a search or a sample would do, how long, with how much memory and disk: told beforehand, nothing written.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import resource
+import shutil
+import sqlite3
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pilotgen.errors import FileError
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.output import STUDY_FILES, examine
+from pilotgen.runs.changes import changes, table_of_changes
+from pilotgen.runs.fingerprint import fingerprint, solver_version
+from pilotgen.runs.journal import JOURNAL_NAME
+from pilotgen.runs.options import RunOptions
+from pilotgen.runs.results import Row, columns_of
+from pilotgen.runs.sample_study import CHUNK
+from pilotgen.runs.search_study import check_algorithm
+from pilotgen.study.study import Study
+
+TIMED_S, MOST_TIMED = 1.0, 20  # the nominal pilot is evaluated for so long, or so many times
+# Measured on two cores of a 2.6 GHz machine: imports, workers and solver until the first pilot is evaluated.
+START_S = 2.0
+REPORT_S = 6.0  # of a search: figures, decks of the front (same machine)
+REPORT_BYTES = 1_500_000  # report.html with figures, and a front of ten pilots' decks
+JOURNAL_OVERHEAD = 1.35  # pages and index over the text of rows (measured: 1,800 and 3,000 pilots)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What would be done.
+
+    Attributes
+    ----------
+    kind : str
+        "search" or "sample".
+    evaluations : int
+        Pilots, at most.
+    recorded : int
+        Of these, evaluations that the directory's journal holds and that can be served.
+    workers : int
+        Processes.
+    seconds_per_pilot : float
+        Wall time of one evaluation in one process, measured on the nominal pilot [s].
+    seconds : float
+        The whole run [s], estimated.
+    memory_bytes, memory_free_bytes : int
+        Of all processes, estimated from this one and its solver; what the machine has left.
+    disk_bytes, disk_free_bytes : int
+        Of the output directory, estimated from the nominal pilot's result; what its file system has left.
+    nominal : str
+        How the nominal pilot fared, in words.
+    solver : str
+        Its version.
+    """
+
+    kind: str
+    evaluations: int
+    recorded: int
+    workers: int
+    seconds_per_pilot: float
+    seconds: float
+    memory_bytes: int
+    memory_free_bytes: int
+    disk_bytes: int
+    disk_free_bytes: int
+    nominal: str
+    solver: str
+
+
+def plan(study: Study, options: RunOptions, directory: Path | None = None, number: int | None = None) -> Plan:
+    """Find out what a search (or a sample of `number` pilots) would do, by evaluating the nominal pilot.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    options : RunOptions
+        As the run would have them.
+    directory : Path, optional
+        Where it would write: looked at as the run would, nothing is written.
+    number : int, optional
+        Pilots of a sample; None: a search.
+
+    Raises
+    ------
+    FileError, StudyError
+        What would stop the run before its first evaluation.
+    """
+    kind = "search" if number is None else "sample"
+    settings = study.search
+    if number is None:
+        check_algorithm(settings)
+    print_hash = fingerprint(study, options.mbdae, options.solver)
+    recorded = 0
+    if directory is not None:
+        examine(directory, kind, STUDY_FILES, options.resume)
+        recorded = _recorded(directory, study, kind, print_hash)
+    evaluations = settings.population * settings.generations if number is None else number
+    workers = options.worker_count(settings.population if number is None else min(number, CHUNK))
+    nominal = study.values({})
+    with EvaluationContext(study, options.mbdae, options.solver, options.mbdyn, options.time_limit_s) as context:
+        outcome = evaluate(context, nominal)  # imports, and a solver that starts, are not timed
+        begin, count = time.perf_counter(), 0
+        while count < MOST_TIMED and time.perf_counter() - begin < TIMED_S:
+            evaluate(context, nominal)
+            count += 1
+        per_pilot = (time.perf_counter() - begin) / count
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + _solver_memory(context)
+        solver = solver_version(options.mbdae) if context.mbdae is not None else "none"
+    left = max(0, evaluations - recorded)
+    row = _bytes_per_pilot(study, outcome.result)
+    told = "evaluated" if isinstance(outcome, Evaluation) else f"fails at {outcome.stage}: {outcome.reason}"
+    return Plan(
+        kind,
+        evaluations,
+        min(recorded, evaluations),
+        workers,
+        per_pilot,
+        START_S + left * per_pilot / workers + (REPORT_S if number is None else 0.0),
+        memory * (workers + 1),
+        _free_memory(),
+        row * evaluations + (REPORT_BYTES if number is None else 0),
+        _free_disk(directory or Path.cwd()),
+        told,
+        solver,
+    )
+
+
+def _recorded(directory: Path, study: Study, kind: str, print_hash: str) -> int:
+    """Evaluations of the directory's journal that could be served. FileError if the study could not go on there."""
+    path = directory / JOURNAL_NAME
+    if not path.is_file():
+        return 0
+    try:
+        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
+        try:
+            meta = dict(db.execute("SELECT name, value FROM meta"))
+            count = int(db.execute("SELECT count(*) FROM evaluation").fetchone()[0])
+        finally:
+            db.close()
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise FileError(f"{path}: cannot be read ({error}); the run would stop here") from None
+    known = meta.get("study_text")
+    refused = [change for change in changes(known, study, kind) or [] if change.refused] if known is not None else []
+    if refused:
+        raise FileError(
+            f"{directory} holds a study that {study.path} differs from in what determines its evaluations:\n"
+            f"{table_of_changes(refused)}\n  choose another output directory, or undo these changes"
+        )
+    return count if meta.get("fingerprint") == print_hash else 0
+
+
+def _bytes_per_pilot(study: Study, result: dict[str, object]) -> int:
+    """Journal and study.h5 of one pilot."""
+    names = tuple(study.search.variables)
+    text = len(json.dumps(result)) + 60 * len(study.nominal) + 2 * 64
+    row = Row(0, 0, dict.fromkeys(names, 1.0), {**result, "status": result["status"]})
+    columns = columns_of([row], names, np.zeros((1, len(study.search.objectives))), None)
+    return int(JOURNAL_OVERHEAD * text) + sum(column.nbytes + 16 for column in columns.values())
+
+
+def _solver_memory(context: EvaluationContext) -> int:
+    """Largest memory the solver had so far [bytes]; 0 if there is none."""
+    pid = context.client.pid if context.mbdae is not None else None
+    if pid is not None:
+        with suppress(OSError):
+            found = re.search(r"VmHWM:\s*(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+            if found:
+                return int(found[1]) * 1024
+    return 0
+
+
+def _free_memory() -> int:
+    with suppress(OSError):
+        found = re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())
+        if found:
+            return int(found[1]) * 1024
+    return 0
+
+
+def _free_disk(directory: Path) -> int:
+    place = directory.absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    try:
+        return shutil.disk_usage(place).free
+    except OSError:
+        return 0
