@@ -14,7 +14,7 @@ import dataclasses
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +68,7 @@ class Evaluation:
     pilot_model: PilotModel
     loop: LoopModel
     margins: Margins
+    solved: SolvedPilot | None = field(default=None, repr=False)  # where he sits; None for transfer functions
 
 
 @dataclass(frozen=True)
@@ -462,7 +463,7 @@ def _evaluate_multibody(context: EvaluationContext, values: dict[str, Any], keep
         "bdft": bdft_summary(model, **checks),
         "loop": verdict.as_dict(),
     }
-    return Evaluation(values, result, model, loop, verdict)
+    return Evaluation(values, result, model, loop, verdict, pilot)
 
 
 def _evaluate_mayo(context: EvaluationContext, values: dict[str, Any]) -> Evaluation:

@@ -42,6 +42,7 @@ def bdft_summary(model: PilotModel, certificate: float | None, pade_error: float
         "certificate": certificate,
         **({} if pade_error is None else {"pade_error": pade_error}),
         "cyclic": _cyclic_summary(model),
+        "terms": model.terms(),
     }
 
 

@@ -16,7 +16,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 FILETYPE = "pilotgen pilot model"
 VERSION = (2, 0)
+_UNNOTICED = 1e-7  # of the largest term: what terms of a response may be left out
 INPUT_NAME = "seat_heave_acceleration"
 GRIP_OUTPUT = "grip_motion"
 
@@ -108,6 +109,30 @@ class PilotModel:
             for lam in self.poles
             if lam.imag >= 0.0
         ]
+
+    def terms(self) -> dict[str, Any] | None:
+        """The collective's response to the first input, without filters, as the terms that count; None without a sum.
+
+        H(s) = (direct + sum_k residues[k] / (s - poles[k])) / s^integrators, where a complex pole stands for its pair.
+        Terms are left out, the smallest first, while all that are gone cannot change H by more than `_UNNOTICED` of its
+        largest term on the imaginary axis. Numbers as JSON has them: [real, imaginary] in rad/s, and in rad/s per m/s^2.
+        """
+        residues = self.residues
+        if residues is None or (self.tilt is not None and self.tilt[0, 0].any()):
+            return None
+        counted = self.poles.imag >= 0.0
+        poles, factors = self.poles[counted], residues[0, counted, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.where(poles.imag > 0.0, 2.0, 1.0) * np.abs(factors) / np.abs(poles.real)
+        order = np.argsort(size)
+        dropped = np.cumsum(size[order]) <= _UNNOTICED * size.max(initial=0.0)
+        kept = np.sort(order[~dropped])
+        return {
+            "poles_rad_s": [[float(pole.real), float(pole.imag)] for pole in poles[kept]],
+            "residues": [[float(factor.real), float(factor.imag)] for factor in factors[kept]],
+            "direct": float(self.D[0, 0]),
+            "integrators": self.integrators,
+        }
 
     def dominant_pole(self) -> complex:
         """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates.

@@ -113,6 +113,25 @@ def seat_torso(
     gravity_m_per_s2 : float
         Along -y.
     """
+    angle = math.radians(cockpit.back_angle_deg)
+    known = placed_points(cockpit)
+    places = {row.name: known[row.point] for row in torso.bodies}
+    points = {spring.name: known[spring.point] for spring in torso.springs}
+    arms = {other: (mass_kg, known[f"glenohumeral_{SUFFIX[other]}"]) for other, mass_kg in torso.carried_arms.items()}
+    loads = _loads(torso, body, places, arms, poses, hand_loads, gravity_m_per_s2)
+    carried = {spring.name: _prestress(spring, torso, loads, points[spring.name], angle) for spring in torso.springs}
+    return SeatedTorso(
+        torso=torso,
+        places=places,
+        points=points,
+        back_angle_deg=cockpit.back_angle_deg,
+        carried_arms=arms,
+        prestress=carried,
+    )
+
+
+def placed_points(cockpit: Cockpit) -> dict[str, Point]:
+    """The points of the torso's table and both shoulders in a pilot's seat, world [m]; stretched with his shoulders."""
     table, reference_up = torso_points()
     side, (shoulder, _) = next(iter(cockpit.torso.items()))
     angle = math.radians(cockpit.back_angle_deg)
@@ -129,19 +148,7 @@ def seat_torso(
     known = {name: place(name) for name in table}
     for other in ("left", "right"):
         known[f"glenohumeral_{SUFFIX[other]}"] = (x, y, z if other == side else -z)
-    places = {row.name: known[row.point] for row in torso.bodies}
-    points = {spring.name: known[spring.point] for spring in torso.springs}
-    arms = {other: (mass_kg, known[f"glenohumeral_{SUFFIX[other]}"]) for other, mass_kg in torso.carried_arms.items()}
-    loads = _loads(torso, body, places, arms, poses, hand_loads, gravity_m_per_s2)
-    carried = {spring.name: _prestress(spring, torso, loads, points[spring.name], angle) for spring in torso.springs}
-    return SeatedTorso(
-        torso=torso,
-        places=places,
-        points=points,
-        back_angle_deg=cockpit.back_angle_deg,
-        carried_arms=arms,
-        prestress=carried,
-    )
+    return known
 
 
 def shoulder_up_m(cockpit: Cockpit) -> float:
