@@ -40,6 +40,16 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="evaluate no pilot: no curves, Bode and Nyquist figures or decks; needs no solver",
     )
+    parser.add_argument(
+        "--with",
+        dest="others",
+        metavar="DIR2",
+        type=common.user_path,
+        action="append",
+        default=[],
+        help="tell on the page what `pilotgen population`, `sensitivity`, `identify` or another command left in DIR2; "
+        "may be given several times",
+    )
     parser.set_defaults(run=run)
 
 
@@ -50,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.report import write_report
+    from pilotgen.report import read_section, write_report
     from pilotgen.runs.results import read_results
     from pilotgen.study.study import study_from_text
 
@@ -62,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
             f"{path} does not exist; DIR is the output directory of a finished `pilotgen search` or `pilotgen sample` "
             "(an interrupted one goes on with --resume)"
         )
+    others = [read_section(directory) for directory in args.others]
     with claimed(args.directory, "report", REPORT_FILES, resume=True) as directory:
         results = read_results(path)
         study = study_from_text(str(results.attributes["study_text"]), f"{path}: study_text")
@@ -74,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
             solver=args.solver,
             mbdyn=args.mbdyn,
             evaluations=not args.no_evaluations,
+            others=others,
         )
     if args.json:
         common.print_json({"report": report})

@@ -115,7 +115,7 @@ class PilotModel:
 
         H(s) = (direct + sum_k residues[k] / (s - poles[k])) / s^integrators, where a complex pole stands for its pair.
         Terms are left out, the smallest first, while all that are gone cannot change H by more than `_UNNOTICED` of its
-        largest term on the imaginary axis. Numbers as JSON has them: [real, imaginary] in rad/s, and in rad/s per m/s^2.
+        largest term on the imaginary axis. Numbers as JSON has them: [real, imaginary] in rad/s, and rad/s per m/s^2.
         """
         residues = self.residues
         if residues is None or (self.tilt is not None and self.tilt[0, 0].any()):

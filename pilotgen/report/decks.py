@@ -55,13 +55,15 @@ def choose_front(results: StudyResults, front: np.ndarray, most: int = MOST_DECK
 
 def write_front_decks(
     directory: Path, context: EvaluationContext, results: StudyResults, chosen: FrontDecks
-) -> list[str]:
+) -> tuple[list[str], list[int]]:
     """Write `directory/front/NN/`: decks, matrices.h5 and result.json of every chosen pilot; replaces an older front.
 
     Returns
     -------
     list of str
         What is not as study.h5 has it: pilots who fail now, or have other margins. Empty when all is well.
+    list of int
+        Who could be evaluated, by index in study.h5, in the order of their directories; -1 for the others.
 
     Raises
     ------
@@ -74,18 +76,20 @@ def write_front_decks(
             if left_over.exists():
                 shutil.rmtree(left_over)
         problems: list[str] = []
+        evaluated: list[int] = []
         for number, index in enumerate(chosen.pilots.tolist(), start=1):
             place = part / f"{number:02d}"
             place.mkdir(parents=True)
             inputs = zip(results.names, results.columns["inputs"][index].tolist(), strict=True)
             outcome = evaluate(context, context.study.values(dict(inputs)), keep=place)
             write_result(context, outcome, place)
+            evaluated.append(index if isinstance(outcome, Evaluation) else -1)
             problems += _problems(place.name, outcome, results, index)
         if target.exists():
             os.replace(target, old)
         os.replace(part, target)
         shutil.rmtree(old, ignore_errors=True)
-        return problems
+        return problems, evaluated
     except OSError as error:
         shutil.rmtree(part, ignore_errors=True)
         raise FileError(

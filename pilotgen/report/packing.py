@@ -17,7 +17,7 @@ SHORT_ERROR = 2.0**-29  # largest relative error of a number packed in five byte
 
 
 def pack_short(values: ArrayLike) -> str:
-    """Doubles cut to their five leading bytes, rounded (relative error 2e-9), big-endian, base64.
+    """Doubles cut to five bytes, rounded (relative error 2e-9), big-endian, base64; any shape, row by row.
 
     Infinities and NaN stay what they are.
     """
@@ -28,13 +28,18 @@ def pack_short(values: ArrayLike) -> str:
     return base64.b64encode(np.ascontiguousarray(data).tobytes()).decode("ascii")
 
 
+def pack_wide(values: ArrayLike) -> str:
+    """Doubles as they are, little-endian, base64; any shape, row by row."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")
+
+
 def pack_floats(values: ArrayLike) -> str:
-    """Single precision, little-endian, base64: for what is drawn, not read."""
+    """Single precision, little-endian, base64, any shape: for what is drawn, not read."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
 def pack_levels(values: ArrayLike) -> tuple[str, float]:
-    """Sixteen-bit integers, base64, and the number that one of them stands for: a shape of motion."""
+    """Sixteen-bit integers, base64, and what one of them stands for; any shape, row by row."""
     array = np.asarray(values, dtype=float)
     largest = float(np.abs(array).max(initial=0.0))
     step = largest / 32767.0 if largest > 0.0 else 1.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,11 @@ from pilotgen.figures.style import png, quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
 from pilotgen.population.region import Region, beyond, one_in, region_of
 from pilotgen.report import findings
+from pilotgen.report.assets import script_texts, style_text
 from pilotgen.report.findings import replay, typeset_number
+from pilotgen.report.others import Section
+from pilotgen.report.people import Known, page_data, script_text
+from pilotgen.report.story import loop_words, story
 from pilotgen.runs.results import DISTANCE, StudyResults
 from pilotgen.study.study import Study
 from pilotgen.summary import caveats
@@ -77,10 +81,13 @@ def render(
     front_decks: FrontDecks | None,
     problems: Sequence[str] = (),
     solver: str = "mbdae",
+    known: Iterable[Known] = (),
+    others: Sequence[Section] = (),
 ) -> str:
     """The text of report.html; parameters as gathered by `write_report`.
 
-    `order` and `front` hold indices of evaluations, shapes (evaluated,) and (members,).
+    `order` and `front` hold indices of evaluations, shapes (evaluated,) and (members,). `known` are pilots who were
+    evaluated again for the views, `others` what other commands found.
     """
     columns = results.columns
     worst = int(order[0]) if len(order) else None
@@ -100,6 +107,9 @@ def render(
         "problems": problems,
         "caveats": _caveats(study, rows, worst, repeated),
         "objectives": ", ".join(quantity(name).name for name in results.objective_names),
+        "style": style_text(),
+        "others": others,
+        "page_data": "",
     }
     if worst is not None:
         content |= {
@@ -126,8 +136,33 @@ def render(
             "decks": front_decks,
             "worst_extrapolated": [] if rows is None else list(rows[worst].get("extrapolated", [])),
             "same_pilot": findings.SAME_PILOT,
+            "story": story(study, results, worst, repeated, others),
+            **_live(study, results, order, front, rows, repeated, known, solver),
         }
     return _template().render(content, quantity=quantity)
+
+
+def _live(
+    study: Study,
+    results: StudyResults,
+    order: np.ndarray,
+    front: np.ndarray,
+    rows: Sequence[Mapping[str, Any]] | None,
+    repeated: Repeated | None,
+    known: Iterable[Known],
+    solver: str,
+) -> dict[str, Any]:
+    """What the views need."""
+    nominal = repeated.nominal if repeated and isinstance(repeated.nominal, Evaluation) else None
+    data = page_data(study, results, order, front, rows, nominal, known, STUDY_FILE, solver)
+    solid = data["skeletons"] is not None
+    return {
+        "page_data": script_text(data),
+        "scripts": script_texts(solid),
+        "solid": solid,
+        "many": len(order) > 2,
+        "loop_words": loop_words(study),
+    }
 
 
 # ---- figures

@@ -59,7 +59,7 @@ class Skeleton:
         Motion of each node relative to the seat, displacements [m] and rotations [rad]: first the dominant mode, scaled
         so that the lever's grip moves 1 m; then the response at `SHAPES_HZ` to 1 m/s^2 of the seat.
     sizes : dict
-        Numbers of the person for what has no node: stature [m].
+        Numbers for what has no node: stature, hip breadth [m], the seat back's angle [deg], the seat's place x, y [m].
     """
 
     nodes: tuple[str, ...]
@@ -72,7 +72,7 @@ class Skeleton:
     muscle_m: np.ndarray
     activation: np.ndarray
     shapes: np.ndarray
-    sizes: dict[str, float]
+    sizes: dict[str, Any]
 
     def structure(self) -> dict[str, Any]:
         """What all pilots of a study have in common, as JSON has it."""
@@ -137,7 +137,12 @@ def skeleton_of(evaluation: Evaluation) -> Skeleton | None:
         muscle_m=np.array(muscle_m).reshape(-1, 2, 3),
         activation=np.asarray(pilot.matrices.muscles.activation),
         shapes=_shapes(evaluation, pilot, nodes),
-        sizes={"stature_m": pilot.biometrics.stature_m, "hip_breadth_m": pilot.body.hip_breadth_sitting_m},
+        sizes={
+            "stature_m": pilot.biometrics.stature_m,
+            "hip_breadth_m": pilot.body.hip_breadth_sitting_m,
+            "back_angle_deg": pilot.cockpit.back_angle_deg,
+            "seat_m": pilot.cockpit.seat_shift_m.tolist(),
+        },
     )
 
 

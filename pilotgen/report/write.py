@@ -5,18 +5,21 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pilotgen.errors import IncompleteOutput
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.evaluation import PILOT_DECK, Evaluation, EvaluationContext, evaluate
 from pilotgen.figures.study import Curve
 from pilotgen.files import write_text
 from pilotgen.objectives import MARGINS, OBJECTIVES
 from pilotgen.report import decks, findings, page
+from pilotgen.report.choose import shown_whole
+from pilotgen.report.others import Section
+from pilotgen.report.people import Known
 from pilotgen.report.repeated import Repeated
 from pilotgen.runs.batch import RESULTS_NAME
 from pilotgen.runs.results import StudyResults, read_results
@@ -36,6 +39,7 @@ def write_report(
     solver: str = "mbdae",
     mbdyn: str | None = None,
     evaluations: bool = True,
+    others: Sequence[Section] = (),
 ) -> Path:
     """Write report.html, study.yaml (the study's text) and, for multibody pilots, decks of the front to `directory`.
 
@@ -52,6 +56,8 @@ def write_report(
         Who evaluates, as of `EvaluationContext`.
     evaluations : bool
         False evaluates nothing: no curves, no Bode and Nyquist figures, no decks, no solver needed.
+    others : sequence of Section
+        What other commands found, to be told on the page (`read_section`).
 
     Returns
     -------
@@ -70,21 +76,40 @@ def write_report(
     front = findings.first_front(results)
     repeated, front_decks = None, None
     problems: list[str] = []
+    places: dict[int, str] = {}
     if evaluations and len(order):
         with EvaluationContext(study, mbdae=mbdae, solver=solver, mbdyn=mbdyn) as context:
             repeated = _repeat(context, results, int(order[0]))
             if study.pilot.model == "multibody":
                 front_decks = decks.choose_front(results, front)
-                problems += decks.write_front_decks(directory, context, results, front_decks)
-        if not repeated.same:
-            problems.append("the worst pilot, evaluated again, is not as study.h5 has him")
-    text = page.render(study, results, order, front, rows, repeated, front_decks, problems, solver)
+                problems_found, written = decks.write_front_decks(directory, context, results, front_decks)
+                problems += problems_found
+                places = {index: f"{decks.FRONT_NAME}/{k:02d}/{PILOT_DECK}" for k, index in enumerate(written, start=1)}
+            if not repeated.same:
+                problems.append("the worst pilot, evaluated again, is not as study.h5 has him")
+            known = _shown(context, results, order, front, places)
+            found = (rows, repeated, front_decks, problems, solver, known, others)
+            text = page.render(study, results, order, front, *found)
+    else:
+        text = page.render(study, results, order, front, rows, None, None, problems, solver, (), others)
     write_text(directory / STUDY_NAME, study.text)
     write_text(directory / REPORT_NAME, text)
     if problems:
         more = f" (and {len(problems) - 1} more, all in the report)" if len(problems) > 1 else ""
         raise IncompleteOutput(f"{directory / REPORT_NAME} is written, but {problems[0]}{more}")
     return directory / REPORT_NAME
+
+
+def _shown(
+    context: EvaluationContext, results: StudyResults, order: np.ndarray, front: np.ndarray, places: Mapping[int, str]
+) -> Iterator[Known]:
+    """Pilots to be shown whole, evaluated one by one as the page asks for them; those with decks on disk first."""
+    with_decks = [index for index in places if index >= 0]
+    for index in dict.fromkeys([*order[:1].tolist(), *with_decks, *shown_whole(results, order, front)]):
+        values = dict(zip(results.names, results.columns["inputs"][index].tolist(), strict=True))
+        outcome = evaluate(context, context.study.values(values))
+        if isinstance(outcome, Evaluation):
+            yield Known(index, outcome, places.get(index, ""))
 
 
 def _repeat(context: EvaluationContext, results: StudyResults, worst: int) -> Repeated:

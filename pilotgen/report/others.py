@@ -1,0 +1,138 @@
+"""What other commands found, to be told on a page: people, sensitivities, uncertainty, cures, identification.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pilotgen.errors import FileError
+from pilotgen.objectives import GAIN_MARGIN, OBJECTIVES
+from pilotgen.population.shares import Share
+from pilotgen.population.tally import sentences
+
+MOST_PICTURES = 4  # of a directory
+PICTURE_BYTES = 400_000  # of one; a larger one stays where it is
+ROWS = 12
+_PIXELS = 106 / 150  # CSS pixels of a page per pixel of a figure
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that another command drew."""
+
+    data: str  # base64 of a PNG
+    width_px: int
+    alt: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """What another command found."""
+
+    kind: str  # population, sensitivity, uncertainty, cures, identification
+    title: str
+    source: str
+    sentences: tuple[str, ...]
+    answer: str = ""  # a few words for the top of the page
+    table: Mapping[str, Any] | None = None
+    pictures: tuple[Picture, ...] = ()
+
+
+def read_section(directory: Path) -> Section:
+    """What a command left in a directory.
+
+    Raises
+    ------
+    FileError
+        Nothing there is known, or it cannot be read.
+    """
+    for name, make in _READERS.items():
+        path = directory / name
+        if path.is_file():
+            try:
+                content = json.loads(path.read_text(encoding="utf-8"))
+                return make(directory, path.as_posix(), content)
+            except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+                raise FileError(f"{path}: cannot be read as what its command writes ({error}); run it again") from None
+    raise FileError(
+        f"{directory}: holds none of {', '.join(_READERS)}; --with wants the output directory of "
+        "`pilotgen population`, `sensitivity`, `identify` or another command that leaves one of these"
+    )
+
+
+def _population(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+    share = content["shares"].get(GAIN_MARGIN.key) or content["shares"]["any"]
+    answer = f"{Share(share['count'], share['of']).text()} of {content['name']}"
+    return Section(
+        "population", "How many people", source, tuple(sentences(content)), answer, None, _pictures(directory)
+    )
+
+
+def _sensitivity(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+    rows, told = [], []
+    sobol = content["method"] == "sobol"
+    for key, found in content["objectives"].items():
+        if not found.get("indices"):
+            continue
+        row, numbers = OBJECTIVES[key], found["indices"]["numbers"]
+        weights = {name: _number(of["total" if sobol else "mean_magnitude"]) for name, of in numbers.items()}
+        order = sorted(weights, key=lambda name: -weights[name] if weights[name] == weights[name] else math.inf)
+        told.append(f"What moves the {row.label} most: {', '.join(order[:3])}.")
+        unit = "" if sobol else f" {row.unit}"
+        rows += [[row.label, name, f"{weights[name]:.3g}{unit}"] for name in order[:ROWS]]
+    heads = ["objective", "number", "total index" if sobol else "mean effect over its range"]
+    table = {"heads": heads, "rows": rows} if rows else None
+    nothing = "No objective has a variance that could be shared out."
+    return Section(
+        "sensitivity", "Which numbers decide", source, tuple(told or [nothing]), "", table, _pictures(directory)
+    )
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _told(kind: str, title: str) -> Callable[[Path, str, Mapping[str, Any]], Section]:
+    """A reader of a file that tells its own sentence."""
+
+    def make(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+        found = content.get("sentences") or content["sentence"]
+        told = (found,) if isinstance(found, str) else tuple(str(one) for one in found)
+        return Section(kind, title, source, told, str(content.get("answer", "")), None, _pictures(directory))
+
+    return make
+
+
+def _identification(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+    told = str(content.get("sentence") or "One pilot's feedthrough by every method, side by side: see the figure.")
+    return Section("identification", "Identification", source, (told,), "", None, _pictures(directory))
+
+
+def _pictures(directory: Path) -> tuple[Picture, ...]:
+    """PNG figures of a directory, the first few that are not too large."""
+    found = []
+    for path in sorted(directory.glob("*.png"))[:MOST_PICTURES]:
+        data = path.read_bytes()
+        if data[:4] == b"\x89PNG" and len(data) <= PICTURE_BYTES:
+            words = path.stem.replace("_", " ").replace("-", " ")
+            width = round(int.from_bytes(data[16:20], "big") * _PIXELS)
+            found.append(Picture(base64.b64encode(data).decode("ascii"), width, words, words))
+    return tuple(found)
+
+
+_READERS: Mapping[str, Callable[[Path, str, Mapping[str, Any]], Section]] = {
+    "population.json": _population,
+    "sensitivity.json": _sensitivity,
+    "cures.json": _told("cures", "What would cure it"),
+    "uncertain.json": _told("uncertainty", "What is not known of him"),
+    "results.json": _identification,
+}
