@@ -76,6 +76,14 @@ class FrequencyResponse:
 
         return CubicSpline(np.log(self.omega), np.column_stack((self.H.real, self.H.imag)))
 
+    @property
+    def pieces(self) -> tuple[FloatArray, FloatArray]:
+        """The splines themselves: ends in ln omega, shape (m,), and coefficients, highest power first.
+
+        Coefficients have shape (4, m - 1, 2), real and imaginary part last; powers of the distance from the left end.
+        """
+        return np.asarray(self._spline.x), np.asarray(self._spline.c)
+
     @cached_property
     def _left_out_errors(self) -> FloatArray:
         """At every second point, how far the spline through the others is off."""

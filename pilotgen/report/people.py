@@ -21,7 +21,7 @@ from pilotgen.evaluation import PILOT_DECK, Evaluation
 from pilotgen.figures.style import quantity
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.linear.statespace import series
-from pilotgen.loop.rotorcraft_model import Chained, rotorcraft_model
+from pilotgen.loop.rotorcraft_model import Chained, measured_part, rotorcraft_model
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.posture.posture import ANGLE_NAMES
 from pilotgen.report.packing import embedded, pack_short, pack_text, pack_wide
@@ -263,19 +263,26 @@ def _plants(study: Study, results: StudyResults, count: int) -> dict[str, Any]:
 
 
 def _plant(study: Study) -> dict[str, Any]:
+    """Blade pitch to the seat's acceleration: a state space, a measured response behind it, and an exact delay."""
     model = rotorcraft_model(study.rotorcraft)
-    delay_s = 0.0
+    delay_s, system, measured = 0.0, None, measured_part(model)
     if isinstance(model, Chained):  # the page has its delay exactly, not as a rational function
-        delay_s, base = model.delay_s, model.base.state_space
-        system = base if model.parts is None else series(model.parts, base)
-    else:
-        system = model.state_space
+        delay_s, system = model.delay_s, model.parts
+        model = model.base
+    if measured is None:
+        system = model.state_space if system is None else series(system, model.state_space)
     inceptor = study.inceptor
-    return {
-        "A": system.A.tolist(), "B": system.B.tolist(), "C": system.C.tolist(), "D": float(system.D),
+    plant: dict[str, Any] = {
+        "A": [], "B": [], "C": [], "D": 1.0, "spline": None,
         "delay_s": delay_s, "gain": -inceptor.gearing_rad_per_m * inceptor.lever_length_m,
         "lever_length_m": inceptor.lever_length_m, "washout_rad_s": study.pilot.washout_rad_s,
     }  # fmt: skip
+    if system is not None:
+        plant |= {name: getattr(system, name).tolist() for name in "ABC"} | {"D": float(system.D)}
+    if measured is not None:
+        ends, pieces = measured.pieces
+        plant["spline"] = {"ends": ends.tolist(), "pieces": pieces.ravel().tolist()}
+    return plant
 
 
 def _references(study: Study) -> list[dict[str, Any]]:

@@ -113,7 +113,18 @@ pilotgen.model = (() => {
       x[i] = over(r, M[i][i]);
       H = [H[0] + plant.C[i] * x[i][0], H[1] + plant.C[i] * x[i][1]];
     }
+    if (plant.spline) H = times(H, measured(plant.spline, w));
     return plant.delay_s ? times(H, [Math.cos(w * plant.delay_s), -Math.sin(w * plant.delay_s)]) : H;
+  }
+
+  // a response that is known at frequencies, by cubic splines in ln w; no number outside its band
+  function measured({ ends, pieces }, w) {
+    const x = Math.log(w), n = ends.length - 1;
+    if (x < ends[0] - 1e-12 || x > ends[n] + 1e-12) return [NaN, NaN];
+    let k = 0;
+    while (k < n - 1 && x > ends[k + 1]) k += 1;
+    const t = x - ends[k];
+    return [0, 1].map((part) => [0, 1, 2, 3].reduce((value, power) => value * t + pieces[(power * n + k) * 2 + part], 0));
   }
 
   function at(list, plant, hz) {
@@ -131,7 +142,7 @@ pilotgen.model = (() => {
   };
   const loop = (pilot, hz) => at(termsOf(pilot), plantOf(pilot), hz).loop;
 
-  function gridOf(list, extra) {
+  function gridOf(list, plant, extra) {
     const found = [];
     for (let k = 0; k < POINTS; k += 1) found.push(LOW_HZ * (HIGH_HZ / LOW_HZ) ** (k / (POINTS - 1)));
     for (const [a, b] of list.pairs) {
@@ -139,11 +150,13 @@ pilotgen.model = (() => {
       for (let k = -20; k <= 20; k += 1) found.push((Math.abs(b) + 0.2 * k * Math.abs(a)) / (2 * Math.PI));
     }
     found.push(...extra.filter(Number.isFinite));
-    return Float64Array.from(found.filter((hz) => hz >= LOW_HZ && hz <= HIGH_HZ)).sort();
+    const ends = plant.spline ? plant.spline.ends.map((x) => Math.exp(x) / (2 * Math.PI)) : [LOW_HZ, HIGH_HZ];
+    const [low, high] = [Math.max(LOW_HZ, ends[0]), Math.min(HIGH_HZ, ends.at(-1))];
+    return Float64Array.from(found.filter((hz) => hz >= low && hz <= high)).sort();
   }
 
   function curveOf(list, plant, extra) {
-    const hz = gridOf(list, extra);
+    const hz = gridOf(list, plant, extra);
     const n = hz.length;
     const curve = { hz, re: new Float64Array(n), im: new Float64Array(n), db: new Float64Array(n), deg: new Float64Array(n),
       mm: new Float64Array(n), gripDeg: new Float64Array(n) };
