@@ -26,6 +26,7 @@ def add_parser(commands: Any) -> None:
         "and loop.json in DIR and prints the poles nearest to instability. A difference beyond 1e-8 ends with exit "
         "code 3.",
         "pilotgen loop docs/studies/puma-bmi.yaml -o results/loop --set stature_m=1.95",
+        json_help="print the content of loop.json instead of the table",
     )
     common.add_study(parser)
     common.add_output(parser)
@@ -36,7 +37,6 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="the pilot's reaction acts on the rotorcraft; the margins know only one way",
     )
-    parser.add_argument("--json", action="store_true", help="print the content of loop.json instead of the table")
     parser.set_defaults(run=run)
 
 
