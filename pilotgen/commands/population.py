@@ -11,12 +11,15 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
+from pilotgen.errors import StudyError
 from pilotgen.files import to_json
+from pilotgen.objectives import OBJECTIVES
 
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
-WRITES = ("population.json", "people.csv", "people.csv.part", "journal.sqlite*")
+EVENTS = ("unstable", *(row.key for row in OBJECTIVES.values() if row.worse == "smaller"))
+WRITES = ("population.json", "rare.json", "people.csv", "people.csv.part", "journal.sqlite*")
 
 
 def add_parser(commands: Any) -> None:
@@ -45,6 +48,14 @@ def add_parser(commands: Any) -> None:
         help="stop when every 95 %% interval is no wider than W, such as 0.5%% or 0.005",
     )
     parser.add_argument(
+        "--rare",
+        metavar="EVENT",
+        choices=EVENTS,
+        default=None,
+        help="tell one share that is too rare to be counted: of those who make the loop unstable or have a margin "
+        f"below its limit; by importance sampling with N people; leaves rare.json. EVENT: {', '.join(EVENTS)}",
+    )
+    parser.add_argument(
         "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
     )
     common.add_workers(parser)
@@ -68,10 +79,13 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.output import claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.population_study import population_study
+    from pilotgen.runs.rare_study import RESULT_NAME, rare_study
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
     options = common.run_options(args, study)
+    if args.rare is not None and args.until_width is not None:
+        raise StudyError("--until-width is for people counted one by one; leave it or --rare out")
     line = ProgressLine(args.number, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:
@@ -85,26 +99,50 @@ def run(args: argparse.Namespace) -> int:
         claimed(args.output, "population", WRITES, args.resume, args.overwrite) as directory,
         common.monitored(args, directory, "population", study.name) as monitor,
     ):
+        tell = line.before(monitor.say)
         try:
-            done = population_study(
-                study, directory, args.number, args.until_width, args.seed, options, show, line.before(monitor.say)
-            )
+            if args.rare is not None:
+                done = rare_study(study, directory, args.number, args.rare, args.seed, options, show, tell)
+            else:
+                done = population_study(
+                    study, directory, args.number, args.until_width, args.seed, options, show, tell
+                )
         finally:
             line.finish()
     if args.json:
         sys.stdout.write(to_json(done.content))
     else:
-        print_population(done.content)
+        (print_population if args.rare is None else print_rare)(done.content)
         print(f"{done.progress.done} people ({done.progress.served} from the journal)")
-        print(f"results: {args.output / 'population.json'}, people.csv")
+        files = "population.json, people.csv" if args.rare is None else RESULT_NAME
+        print(f"results: {args.output}: {files}")
         if args.until_width is not None and done.content["stopped_by"] == "number of people":
             common.say(f"intervals are still wider than {100 * args.until_width:g} %; a larger -n narrows them")
     return 0 if done.progress.failed < done.progress.done else 2
 
 
+def print_rare(content: Mapping[str, Any]) -> None:
+    """Sentences, and who has it and is least unusual."""
+    from pilotgen.runs.rare_study import sentences
+
+    print("\n".join(sentences(content)))
+    if content["nearest"]:
+        print("\nthe least unusual of them:")
+    for one in content["nearest"]:
+        key = next(key for key in OBJECTIVES if key in one)
+        print(f"{_person(one['values'])}  {OBJECTIVES[key].text(one[key])}, distance {one['mahalanobis_distance']:.2f}")
+
+
+def _person(values: Mapping[str, Any]) -> str:
+    bmi = values["mass_kg"] / values["stature_m"] ** 2
+    return (
+        f"  {values['pilot.sex']:6}  {values['age_years']:4.1f} years  {values['stature_m']:.3f} m  "
+        f"{values['mass_kg']:5.1f} kg (BMI {bmi:.1f})"
+    )
+
+
 def print_population(content: Mapping[str, Any]) -> None:
     """Sentences, quantiles, who is nearest to the limits."""
-    from pilotgen.objectives import OBJECTIVES
     from pilotgen.population.tally import sentences
 
     print("\n".join(sentences(content)))
@@ -124,9 +162,4 @@ def print_population(content: Mapping[str, Any]) -> None:
             continue
         print(f"\nnearest to a {row.label} of {row.text(limit)}:")
         for one in near:
-            values = one["values"]
-            bmi = values["mass_kg"] / values["stature_m"] ** 2
-            print(
-                f"  {values['pilot.sex']:6}  {values['age_years']:4.1f} years  {values['stature_m']:.3f} m  "
-                f"{values['mass_kg']:5.1f} kg (BMI {bmi:.1f})  {row.text(one[key])}"
-            )
+            print(f"{_person(one['values'])}  {row.text(one[key])}")

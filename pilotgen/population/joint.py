@@ -76,10 +76,24 @@ class Joint:
         scores = independent @ self.root.T
         return np.column_stack([one.of_scores(scores[:, k]) for k, one in enumerate(self.marginals)])
 
+    def table(self, independent: np.ndarray) -> dict[str, np.ndarray]:
+        """The same by name, body mass index too, each of shape (n,)."""
+        age, stature, mass = self.people(independent).T
+        return {"age_years": age, "stature_m": stature, "mass_kg": mass, "bmi": mass / stature**2}
+
     def independent(self, people: np.ndarray) -> np.ndarray:
         """Independent standard normal scores of age, stature and mass, both of shape (n, 3); undoes `people`."""
         scores = np.column_stack([ndtri(one.below(people[:, k])) for k, one in enumerate(self.marginals)])
         return np.asarray(np.linalg.solve(self.root, scores.T).T)
+
+
+def inside(table: Mapping[str, np.ndarray], *limits: Mapping[str, tuple[float, float]]) -> np.ndarray:
+    """Who of a table is within all limits (quantity -> lowest, highest); shape (n,)."""
+    within = np.ones(len(next(iter(table.values()))), dtype=bool)
+    for one in limits:
+        for name, (low, high) in one.items():
+            within &= (low <= table[name]) & (table[name] <= high)
+    return within
 
 
 def bundled_joint(numbers: Mapping[str, Any]) -> Joint:

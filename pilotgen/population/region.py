@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri, gammaincc, ndtr
 
 from pilotgen.errors import StudyError
-from pilotgen.population.joint import Joint
+from pilotgen.population.joint import Joint, inside
 from pilotgen.population.population import population_of
 from pilotgen.study.population_section import FILE, MIX, QUANTITIES
 from pilotgen.study.study import Study
@@ -76,17 +76,8 @@ class Region:
         """`99 % of men`."""
         return f"{100.0 * self.probability:g} % of {self.who}"
 
-    def _table(self, scores: np.ndarray) -> dict[str, np.ndarray]:
-        people = self.joint.people(scores)
-        found = dict(zip(QUANTITIES, people.T, strict=True))
-        return {**found, "bmi": found["mass_kg"] / found["stature_m"] ** 2}
-
     def _inside(self, scores: np.ndarray) -> np.ndarray:
-        table = self._table(scores)
-        within = np.ones(len(scores), dtype=bool)
-        for name, (low, high) in self.limits.items():
-            within &= (low <= table[name]) & (table[name] <= high)
-        return within
+        return inside(self.joint.table(scores), self.limits)
 
     def scores(self, cube: np.ndarray) -> np.ndarray:
         """Independent normal scores of points of the cube [-1, 1]^3; both of shape (n, 3)."""
@@ -108,7 +99,7 @@ class Region:
 
     def people(self, cube: np.ndarray) -> np.ndarray:
         """Values of the search's variables of points of the cube, shape (n, 3) both."""
-        table = self._table(self.scores(cube))
+        table = self.joint.table(self.scores(cube))
         return np.column_stack([table[name] for name in self.names])
 
     def distance(self, values: np.ndarray) -> np.ndarray:

@@ -116,6 +116,11 @@ def _or_null(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def percent(share: float) -> str:
+    """A share in per cent with two figures: `0.042`, `3.1`."""
+    return f"{100.0 * share:.2g}" if share < 0.1 else f"{100.0 * share:.0f}"
+
+
 def sentences(content: Mapping[str, Any]) -> list[str]:
     """What population.json says, as an engineer would repeat it; the most telling first."""
     who, shares = content["name"], content["shares"]

@@ -68,8 +68,7 @@ def population_study(
         As `search_study`.
     """
     options = options or RunOptions()
-    if seed is not None:
-        study = dataclasses.replace(study, search=dataclasses.replace(study.search, seed=seed))
+    study = seeded(study, seed)
     population, left_out = population_of(study), LeftOut()
     people = population.people(study.search.seed, left_out)
     first = next(people)  # who is not there is missed before the workers start
@@ -112,6 +111,13 @@ def population_study(
         }
     write_text(directory / RESULT_NAME, to_json(content))
     return PopulationRun(content, progress)
+
+
+def seeded(study: Study, seed: int | None) -> Study:
+    """The study with another `search.seed`; None: its own."""
+    if seed is None:
+        return study
+    return dataclasses.replace(study, search=dataclasses.replace(study.search, seed=seed))
 
 
 def _header(file: IO[str]) -> None:
