@@ -104,9 +104,7 @@ def run(args: argparse.Namespace) -> int:
             if args.rare is not None:
                 done = rare_study(study, directory, args.number, args.rare, args.seed, options, show, tell)
             else:
-                done = population_study(
-                    study, directory, args.number, args.until_width, args.seed, options, show, tell
-                )
+                done = population_study(study, directory, args.number, args.until_width, args.seed, options, show, tell)
         finally:
             line.finish()
     if args.json:
