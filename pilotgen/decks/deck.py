@@ -106,8 +106,13 @@ def _posture_text(posture: Posture) -> list[SimpleNamespace]:
 # ---- the decks -------------------------------------------------------------------------------------------------------
 
 
-def _counts(arms: int, last: str, torso: Part | None = None, grip_point: bool = False) -> dict[str, str]:
-    """Expressions of the control data: seat, torso, then per arm the control and the arm; `last` joints of each arm."""
+def _counts(
+    arms: int, last: str, torso: Part | None = None, grip_point: bool = False, fitted: int = 0
+) -> dict[str, str]:
+    """Expressions of the control data: seat, torso, then per arm the control and the arm; `last` joints of each arm.
+
+    `fitted` controls have a spring or damper as one more joint.
+    """
     more = " + 1" if grip_point else ""
     bones, joints = len(SEGMENTS), ARM_JOINTS
     bodies = springs = carried = 0
@@ -115,7 +120,7 @@ def _counts(arms: int, last: str, torso: Part | None = None, grip_point: bool = 
         bodies, carried = len(torso.bodies), len(torso.carried_arms)
         springs = len(torso.springs) + (torso.modes is not False)
     nodes_of_torso = f" + {bodies}" if torso else ""
-    springs_of_torso = f" + {springs}" if torso else ""
+    springs_of_torso = (f" + {springs}" if torso else "") + (f" + {fitted}" if fitted else "")
     bodies_of_torso = f"{bodies + carried} + " if torso else ""
     if arms == 1:
         return {
@@ -283,13 +288,14 @@ def _render_pilot(
     torso = torso_text(seated) if seated is not None else None
     carriers = [seated.torso.carriers[side].upper() if seated is not None else "SEAT" for side in body.limbs]
     muscles = len(body.limbs[next(iter(body.limbs))].muscles)
+    fitted = sum(cockpit.inceptors[side].fitted for side in body.limbs)
     return template("pilot.mbd.j2").render(
         trim=trim,
         person=_person_text(body, cockpit),
         posture=_posture_text(posture),
         has=_parts_in(body),
         analysis=analysis,
-        counts=_counts(len(arms), str(muscles), torso, vehicle is not None),
+        counts=_counts(len(arms), str(muscles), torso, vehicle is not None, fitted),
         torso=torso if torso is not None else False,
         carriers=carriers,
         arms=arms,

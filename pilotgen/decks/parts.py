@@ -66,6 +66,13 @@ def _inceptor_text(inceptor: PlacedInceptor) -> Part:
         JY=number(inceptor.inertia_kg_m2[1]),
         JZ=number(inceptor.inertia_kg_m2[2]),
         position=vector(inceptor.pose[0]),
+        unbalanced=inceptor.unbalance_kg_m != 0.0,
+        unbalance=number(inceptor.unbalance_kg_m),
+        fitted=inceptor.fitted,
+        fittings="LEVER_FITTINGS",
+        fittings_label="104",
+        damping=number(inceptor.damping_n_m_s_per_rad),
+        stiffness=number(inceptor.stiffness_n_m_per_rad),
     )
 
 

@@ -37,7 +37,15 @@ class PlacedInceptor:
     grip_m: np.ndarray  # (3,) grip centre in its node frame
     handle: np.ndarray  # (3, 3) handle frame in its node frame: axis 1 toward the thumb, axis 2 where the palm faces
     mass_kg: float
-    inertia_kg_m2: tuple[float, float, float]  # about the node's axes, centre of mass on the hinge
+    inertia_kg_m2: tuple[float, float, float]  # about the node's axes, through the hinge
+    damping_n_m_s_per_rad: float = 0.0  # viscous damper about the hinge
+    stiffness_n_m_per_rad: float = 0.0  # trim spring about the hinge, relaxed in this position
+    unbalance_kg_m: float = 0.0  # mass times distance of its centre from the hinge, toward the grip
+
+    @property
+    def fitted(self) -> bool:
+        """Whether a damper, a spring or a balance spring acts about the hinge."""
+        return bool(self.damping_n_m_s_per_rad or self.stiffness_n_m_per_rad or self.unbalance_kg_m)
 
     @property
     def grip_world_m(self) -> np.ndarray:
@@ -160,6 +168,9 @@ def _collective(data: Mapping[str, Any], length_m: float, position: float) -> Pl
         handle=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),  # thumb forward, palm toward the seat
         mass_kg=float(data["mass_kg"]),
         inertia_kg_m2=(float(data["axial_inertia_kg_m2"]), J, J),
+        damping_n_m_s_per_rad=float(data["damping_n_m_s_per_rad"]),
+        stiffness_n_m_per_rad=float(data["stiffness_n_m_per_rad"]),
+        unbalance_kg_m=float(data["unbalance_kg_m"]),
     )
 
 

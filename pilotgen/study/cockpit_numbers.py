@@ -72,3 +72,12 @@ def _check_together(numbers: CockpitNumbers) -> None:
             lowest,
             f"must be below highest_angle_deg = {highest:g} deg; swap them",
         )
+    lever = numbers["collective"]
+    mass, inertia, unbalance = (float(lever[key]) for key in ("mass_kg", "inertia_kg_m2", "unbalance_kg_m"))
+    if unbalance**2 >= mass * inertia:
+        raise Mistake(
+            "cockpit.collective.unbalance_kg_m",
+            unbalance,
+            f"is more than a lever of {mass:g} kg and {inertia:g} kg m^2 can have (its square must be below "
+            f"{mass * inertia:.3g}); give mass_kg and inertia_kg_m2 with the balance weight",
+        )

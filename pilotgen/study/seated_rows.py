@@ -141,6 +141,15 @@ SEATED_ROWS: Mapping[str, Field] = {
     "cockpit.collective.mass_kg": Number(*_MASS, default=None, meaning="of the lever, balanced about its hinge"),
     "cockpit.collective.inertia_kg_m2": Number(*_INERTIA, default=None, meaning="about the hinge"),
     "cockpit.collective.axial_inertia_kg_m2": Number(*_AXIAL, default=None, meaning="about the lever's own axis"),
+    "cockpit.collective.damping_n_m_s_per_rad": Number(
+        0.0, 1000.0, "N m s/rad", default=None, meaning="viscous damper about the hinge"
+    ),
+    "cockpit.collective.stiffness_n_m_per_rad": Number(
+        0.0, 1e4, "N m/rad", default=None, meaning="trim spring about the hinge, relaxed where the lever is held"
+    ),
+    "cockpit.collective.unbalance_kg_m": Number(
+        -2.0, 2.0, "kg m", default=None, meaning="mass times distance from the hinge toward the grip, weight carried by a spring"
+    ),
     "cockpit.cyclic": Section(default=None, meaning="the cyclic stick"),
     "cockpit.cyclic.grip_m": Vector(
         3, -1.0, 1.5, "m", default=None, hint=_POINT, meaning="grip in the middle of the travel, three numbers"
