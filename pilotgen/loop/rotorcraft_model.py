@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -66,9 +66,9 @@ def rotorcraft_model(rotorcraft: Rotorcraft) -> RotorcraftModel:
 
 
 def chain_of(rotorcraft: Rotorcraft) -> StateSpaceModel | None:
-    """What stands between the lever and the blades, delays apart: inflow lead, actuator, notch; None for nothing.
+    """What stands between the lever and the blades, delays apart: inflow lead, actuator, notch, low pass; None for nothing.
 
-    An actuator is w/(s + w), or w^2/(s^2 + 2 zeta w s + w^2) where it has a damping ratio. The inflow lead is
+    An actuator is w/(s + w), or w^2/(s^2 + 2 zeta w s + w^2) where it has a damping ratio; so is the low pass. The inflow lead is
     (s + z)/z: the thrust overshoots before the inflow has followed. The notch is (s^2 + 2 zeta_z w s + w^2) over the
     same with zeta_p. Mistake for an inflow lead without an actuator: alone it would differentiate.
     """
@@ -82,16 +82,22 @@ def chain_of(rotorcraft: Rotorcraft) -> StateSpaceModel | None:
         )
     models = []
     if actuator is not None:
-        w, damping = actuator["corner_rad_s"], actuator.get("damping")
-        denominator = [1.0 / w, 1.0] if damping is None else [1.0 / w**2, 2.0 * damping / w, 1.0]
-        models.append(transfer_function(numerator.tolist(), denominator))
+        models.append(transfer_function(numerator.tolist(), _lag(actuator["corner_rad_s"], actuator.get("damping"))))
     if notch is not None:
         w = 2.0 * math.pi * notch["frequency_hz"]
         top, bottom = ([1.0 / w**2, 2.0 * notch[f"{part}_damping"] / w, 1.0] for part in ("zero", "pole"))
         models.append(transfer_function(top, bottom))
-    if not models:
-        return None
-    return models[0] if len(models) == 1 else series(models[0], models[1])
+    low_pass = rotorcraft.low_pass
+    if low_pass is not None:
+        w = 2.0 * math.pi * low_pass["frequency_hz"]
+        models.append(transfer_function([1.0], _lag(w, low_pass.get("damping"))))
+    return reduce(series, models) if models else None
+
+
+def _lag(corner_rad_s: float, damping: float | None) -> list[float]:
+    """Denominator of a lag of gain 1, highest power first: of first order, or of second with a damping ratio."""
+    w = corner_rad_s
+    return [1.0 / w, 1.0] if damping is None else [1.0 / w**2, 2.0 * damping / w, 1.0]
 
 
 def pade_delay(delay_s: float, error: float = DELAY_ERROR, band_hz: float = DELAY_BAND_HZ) -> StateSpaceModel:

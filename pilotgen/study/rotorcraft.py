@@ -50,6 +50,7 @@ class Rotorcraft:
     delay_s: float = 0.0
     actuator: Mapping[str, Any] | None = None
     notch: Mapping[str, Any] | None = None
+    low_pass: Mapping[str, Any] | None = None
     sling: Mapping[str, Any] | None = None
 
     @property
@@ -148,7 +149,7 @@ def rotorcraft_from(checked: str | Mapping[str, Any]) -> Rotorcraft:
     given: Mapping[str, Any] = (
         _checked(Value(bundled("rotorcraft"), (checked,))) if isinstance(checked, str) else checked
     )
-    for part in ("actuator", "notch", "sling"):
+    for part in ("actuator", "notch", "low_pass", "sling"):
         if given.get(part) is not None:
             for key, path in members(f"rotorcraft.{part}").items():
                 if SCHEMA[path].default is REQUIRED and key not in given[part]:

@@ -130,6 +130,11 @@ SCHEMA: Mapping[str, Field] = {
     "rotorcraft.notch.frequency_hz": Number(0.1, 50.0, "Hz", meaning="where it is deepest"),
     "rotorcraft.notch.zero_damping": Number(0.0, 2.0, meaning="damping ratio of its zeros"),
     "rotorcraft.notch.pole_damping": Number(0.01, 2.0, meaning="damping ratio of its poles"),
+    "rotorcraft.low_pass": Section(default=None, null=True, meaning="filter in the collective path"),
+    "rotorcraft.low_pass.frequency_hz": Number(0.1, 50.0, "Hz", meaning="corner, or undamped natural frequency"),
+    "rotorcraft.low_pass.damping": Number(
+        0.05, 2.0, default=None, null=True, meaning="damping ratio of a second order; null: first order"
+    ),
     "rotorcraft.sling": Section(default=None, null=True, meaning="a load below; mass_kg is the helicopter alone then"),
     "rotorcraft.sling.load_kg": Number(1.0, 50_000.0, "kg", meaning="mass of the load"),
     "rotorcraft.sling.stiffness_n_per_m": Number(1e3, 1e8, "N/m", meaning="of sling and pendant, load hanging"),

@@ -148,7 +148,11 @@ SEATED_ROWS: Mapping[str, Field] = {
         0.0, 1e4, "N m/rad", default=None, meaning="trim spring about the hinge, relaxed where the lever is held"
     ),
     "cockpit.collective.unbalance_kg_m": Number(
-        -2.0, 2.0, "kg m", default=None, meaning="mass times distance from the hinge toward the grip, weight carried by a spring"
+        -2.0,
+        2.0,
+        "kg m",
+        default=None,
+        meaning="mass times distance from the hinge toward the grip, weight carried by a spring",
     ),
     "cockpit.cyclic": Section(default=None, meaning="the cyclic stick"),
     "cockpit.cyclic.grip_m": Vector(

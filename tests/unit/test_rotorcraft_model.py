@@ -122,6 +122,10 @@ def test_actuators_notch_and_lead() -> None:
     w = 2.0 * math.pi * 3.5
     notched = puma(notch={"frequency_hz": 3.5, "zero_damping": 0.1, "pole_damping": 0.7}).response(OMEGA)
     assert_allclose(notched, H * (s**2 + 0.2 * w * s + w**2) / (s**2 + 1.4 * w * s + w**2), rtol=1e-10)
+    filtered = puma(low_pass={"frequency_hz": 3.5}, actuator={"corner_rad_s": 40.0}).response(OMEGA)
+    assert_allclose(filtered, H * w / (s + w) * 40.0 / (s + 40.0), rtol=1e-10)
+    filtered = puma(low_pass={"frequency_hz": 3.5, "damping": 0.7}).response(OMEGA)
+    assert_allclose(filtered, H * w**2 / (s**2 + 1.4 * w * s + w**2), rtol=1e-10)
     with pytest.raises(StudyError, match=r"inflow_lead_rad_s = 9.25 differentiates; give rotorcraft.actuator"):
         puma(inflow_lead_rad_s=9.25)
 
