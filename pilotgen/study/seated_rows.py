@@ -152,7 +152,7 @@ SEATED_ROWS: Mapping[str, Field] = {
         2.0,
         "kg m",
         default=None,
-        meaning="mass times distance from the hinge toward the grip, weight carried by a spring",
+        meaning="mass times distance from hinge toward grip, its weight carried by a spring",
     ),
     "cockpit.cyclic": Section(default=None, meaning="the cyclic stick"),
     "cockpit.cyclic.grip_m": Vector(

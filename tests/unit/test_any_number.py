@@ -41,6 +41,7 @@ NUMBERS = (  # those of the bundled rotorcraft but for its mass
 
 EQUIPMENT = {  # parts that a rotorcraft may have, whole
     "rotorcraft.actuator.corner_rad_s": 30.0,
+    "rotorcraft.low_pass.frequency_hz": 5.0,
     "rotorcraft.notch.frequency_hz": 3.0,
     "rotorcraft.notch.zero_damping": 0.1,
     "rotorcraft.notch.pole_damping": 0.6,
