@@ -70,7 +70,8 @@ def chain_of(rotorcraft: Rotorcraft) -> StateSpaceModel | None:
 
     An actuator is w/(s + w), or w^2/(s^2 + 2 zeta w s + w^2) where it has a damping ratio; so is the low pass. The
     inflow lead is (s + z)/z: the thrust overshoots before the inflow has followed. The notch is
-    (s^2 + 2 zeta_z w s + w^2) over the same with zeta_p. Mistake for an inflow lead without an actuator: alone it would differentiate.
+    (s^2 + 2 zeta_z w s + w^2) over the same with zeta_p. Mistake for an inflow lead without an actuator: alone it
+    would differentiate.
     """
     lead, actuator, notch = rotorcraft.inflow_lead_rad_s, rotorcraft.actuator, rotorcraft.notch
     numerator = np.ones(1) if lead is None else np.array([1.0 / lead, 1.0])
