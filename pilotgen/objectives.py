@@ -9,8 +9,10 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 
@@ -76,10 +78,15 @@ class Objective:
 
     def ranked(self, result: Mapping[str, Any]) -> float:
         """The value that a search minimises: the smaller, the worse the pilot; limited to the cap, finite."""
+        value = self.finite(result)
+        return value if self.worse == "smaller" else -value
+
+    def finite(self, result: Mapping[str, Any]) -> float:
+        """Its value, negative if the closed loop is unstable, limited to the cap."""
         value = self.of(result)
         if not self.signed and not result["loop"]["stable"]:
             value = -value  # a distance has no sign of its own; the farther inside the unstable region, the worse
-        return self.capped(value) if self.worse == "smaller" else -self.capped(value)
+        return self.capped(value)
 
     def capped(self, value: float) -> float:
         """`value` limited to the cap."""
@@ -143,6 +150,81 @@ GAIN_MARGIN, PHASE_MARGIN, MODULUS_MARGIN = (
 MARGINS = (GAIN_MARGIN, PHASE_MARGIN)  # the two that every report tells, whatever was minimised
 
 
+ROBUST = "robust"  # key of a result object: margins of the pilot's draws, by objective
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantile(Objective):
+    """A quantile of an objective over the draws of what is not known of a pilot (docs/theory/uncertainty.md).
+
+    Attributes
+    ----------
+    base : str
+        Key of the objective.
+    share : float
+        0 to 1: so many of the draws are below.
+    """
+
+    base: str
+    share: float
+
+    def of(self, result: Mapping[str, Any]) -> float:
+        """Its value in a result object with draws, infinite without a crossing; NaN without draws."""
+        drawn = result.get(ROBUST, {}).get("margins", {}).get(self.base, ())
+        values = sorted(value for value in drawn if value is not None)
+        if not values:
+            return math.nan
+        value = float(values[place_of_quantile(self.share, len(values))])
+        return math.copysign(math.inf, value) if abs(value) >= self.cap else value
+
+
+def place_of_quantile(share: float, count: int) -> int:
+    """Which of `count` values in rising order is their quantile: one of them, never between two."""
+    return max(0, math.ceil(share * count - 1e-9) - 1)
+
+
+_QUANTILE = re.compile(r"quantile\s+([0-9.]+)\s*(%?)\s+of\s+(\S+)")
+
+
+@cache
+def quantile(text: str) -> Quantile:
+    """The objective that `quantile 5 % of gain_margin_db` names.
+
+    Raises
+    ------
+    ValueError
+        It names none; the message says what is wanted.
+    """
+    found = _QUANTILE.fullmatch(text.strip())
+    wanted = f"write e.g. quantile 5 % of {next(iter(OBJECTIVES))}"
+    if found is None or not found[2]:
+        raise ValueError(f"is no quantile of an objective; {wanted}")
+    try:
+        percent = float(found[1])
+    except ValueError:
+        raise ValueError(f"is no quantile of an objective; {wanted}") from None
+    if not 0.0 < percent < 100.0:
+        raise ValueError("is no quantile: more than 0 % and less than 100 % is wanted")
+    row = OBJECTIVES.get(found[3])
+    if row is None:
+        raise ValueError(f"names no objective; {wanted}; objectives: {', '.join(OBJECTIVES)}")
+    return Quantile(
+        f"quantile {percent:g} % of {row.key}", f"{percent:g} % quantile of the {row.label}",
+        f"{row.short} {percent:g} %", row.unit, row.meaning, section=row.section, worse=row.worse, cap=row.cap,
+        digits=row.digits, no_crossing=row.no_crossing, base=row.key, share=percent / 100.0,
+    )  # fmt: skip
+
+
+def objective(key: str) -> Objective:
+    """The objective of this key, which may be a quantile. ValueError if there is none."""
+    return OBJECTIVES[key] if key in OBJECTIVES else quantile(key)
+
+
+def quantiles(objectives: Iterable[str]) -> tuple[Quantile, ...]:
+    """Those of these objectives that are quantiles over draws."""
+    return tuple(quantile(key) for key in objectives if key not in OBJECTIVES)
+
+
 def ranked_objectives(result: Mapping[str, Any], objectives: Sequence[str]) -> list[float]:
     """The objectives of one pilot as they are ranked, all minimised.
 
@@ -151,14 +233,14 @@ def ranked_objectives(result: Mapping[str, Any], objectives: Sequence[str]) -> l
     result : mapping
         Result object of a pilot who could be evaluated.
     objectives : sequence of str
-        Keys of `OBJECTIVES`.
+        Their keys.
 
     Returns
     -------
     list of float
         Each limited to its cap, negative if the closed loop is unstable; a missing crossing counts as the cap.
     """
-    return [OBJECTIVES[key].ranked(result) for key in objectives]
+    return [objective(key).ranked(result) for key in objectives]
 
 
 def below_limits(result: Mapping[str, Any], limits: Mapping[str, float | None]) -> list[str]:

@@ -91,13 +91,13 @@ def run(args: argparse.Namespace) -> int:
 
 def print_sample(done: Run) -> None:
     """Counts, the smallest objectives, and where everything is."""
-    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.objectives import objective
 
     progress = done.progress
     print(
         f"{progress.done} pilots ({progress.served} from the journal), {progress.failed} failed, "
         f"{progress.unstable} with an unstable closed loop"
     )
-    smallest = ", ".join(OBJECTIVES[name].brief(value) for name, value in progress.smallest.items())
+    smallest = ", ".join(objective(name).brief(value) for name, value in progress.smallest.items())
     print(f"smallest: {smallest or 'none'}")
     print(f"results: {done.path}")

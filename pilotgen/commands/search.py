@@ -110,10 +110,10 @@ def below_in_study(path: Path, limits: Mapping[str, float | None]) -> list[str]:
 
 def progress_parts(progress: Progress, left: str) -> list[str]:
     """`smallest GM 1.82 dB, PM 34.1 deg`, `at most 0:12 left`, `generation 3/30`, `412 evaluations, 2 failed`."""
-    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.objectives import objective
     from pilotgen.progress_line import counted
 
-    margins = ", ".join(OBJECTIVES[name].brief(value) for name, value in progress.smallest.items())
+    margins = ", ".join(objective(name).brief(value) for name, value in progress.smallest.items())
     served = f" ({progress.served} from the journal)" if progress.served else ""
     return [
         f"smallest {margins}" if margins else "",
@@ -151,7 +151,7 @@ def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:
 
 def worst_table(results: Any, count: int = 10) -> list[str]:
     """The worst pilots of a study as lines of a table, in the order of the report; nearly equal pilots count as one."""
-    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.objectives import OBJECTIVES, objective
     from pilotgen.population.region import beyond, one_in
     from pilotgen.report import findings
     from pilotgen.runs.results import DISTANCE
@@ -161,6 +161,8 @@ def worst_table(results: Any, count: int = 10) -> list[str]:
     if not len(order):
         return ["no pilot could be evaluated"]
     heads = [*results.names, *(row.heading for row in OBJECTIVES.values()), "stable"]
+    robust = [objective(key) for key in results.objective_names if key not in OBJECTIVES]
+    heads += [row.heading for row in robust]
     heads += ["how rare"] if DISTANCE in columns else []
     table = [heads]
     for k in findings.distinct(results, order, count):
@@ -168,6 +170,7 @@ def worst_table(results: Any, count: int = 10) -> list[str]:
             [f"{value:.4g}" for value in columns["inputs"][k]]
             + [f"{columns[row.key][k]:.{row.digits}f}" for row in OBJECTIVES.values()]
             + ["yes" if columns["stable"][k] == 1 else "NO"]
+            + [f"{columns[row.key][k]:.{row.digits}f}" for row in robust]
             + ([one_in(beyond(columns[DISTANCE][k]))] if DISTANCE in columns else [])
         )
     widths = [max(len(row[j]) for row in table) for j in range(len(heads))]

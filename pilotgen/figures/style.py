@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from pilotgen.files import write_bytes
-from pilotgen.objectives import OBJECTIVES
+from pilotgen.objectives import OBJECTIVES, objective
 from pilotgen.study.schema import study_unit
 
 if TYPE_CHECKING:
@@ -91,6 +91,9 @@ QUANTITIES: dict[str, Quantity] = {
 
 def quantity(name: str) -> Quantity:
     """The quantity of a study's name; a name without an entry stands for itself, with the unit that studies give it."""
+    if name.startswith("quantile "):
+        row = objective(name)
+        return Quantity(row.label, row.unit)
     return QUANTITIES[name] if name in QUANTITIES else Quantity(name, study_unit(name).replace("^2", "²"))
 
 

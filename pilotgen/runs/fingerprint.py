@@ -39,6 +39,8 @@ def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -
     package = Path(__file__).parents[1]
     files = [package / name for name in PHYSICS if name.endswith(".py")]
     files += sorted(path for name in PHYSICS for path in (package / name).rglob("*.py"))
+    if study.robust:  # draws are part of a result
+        files += [package / "objectives.py", *sorted((package / "uncertain").glob("*.py"))]
     files += sorted((package / "data").glob("*.yaml"))
     for path in files:
         digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pilotgen.hdf5 import NewFile, opened, text
-from pilotgen.objectives import OBJECTIVES, Objective
+from pilotgen.objectives import OBJECTIVES, ROBUST, Objective
 from pilotgen.posture.posture import ANGLE_NAMES
 from pilotgen.study.schema import study_unit
 
@@ -46,6 +46,8 @@ COLUMNS: dict[str, Column] = {
 }
 
 DISTANCE = "mahalanobis_distance"  # of searches in the region of a population, a column of its own
+
+FAILED_DRAWS = "failed_draws"  # of robust searches, a column of its own
 
 # How names end -> unit; the longest that fits counts. A number without a unit in its name has none.
 _UNITS = {
@@ -114,7 +116,11 @@ def _objective(result: Mapping[str, Any], row: Objective) -> tuple[float, float]
 
 
 def columns_of(
-    rows: Sequence[Row], names: Sequence[str], objectives: np.ndarray, rank: np.ndarray | None
+    rows: Sequence[Row],
+    names: Sequence[str],
+    objectives: np.ndarray,
+    rank: np.ndarray | None,
+    robust: Sequence[Objective] = (),
 ) -> dict[str, np.ndarray]:
     """The datasets of /evaluations.
 
@@ -128,6 +134,8 @@ def columns_of(
         Objectives as ranked, NaN for failures.
     rank : ndarray of int, shape (n,), optional
         Front among all evaluations, 0 for failures.
+    robust : sequence of Objective
+        Quantiles over draws that the search minimises; each becomes a column.
     """
     failed = np.array([row.result["status"] != "ok" for row in rows], dtype=bool)
     columns: dict[str, np.ndarray] = {
@@ -156,6 +164,11 @@ def columns_of(
     for name in ANGLE_NAMES:
         columns[name] = np.array([_number(one.result, Column(("posture", name))) for one in rows], dtype=float)
     columns["sex"] = np.array([str(one.result.get("biometrics", {}).get("sex", "")) for one in rows], dtype=object)
+    for row in robust:
+        columns[row.key] = np.array([_objective(one.result, row)[0] for one in rows], dtype=float)
+    if robust:
+        drawn = [one.result.get(ROBUST) for one in rows]
+        columns[FAILED_DRAWS] = np.array([math.nan if one is None else one["failed"] for one in drawn], dtype=float)
     for name in ("frequency_hz", "damping"):
         poles = [[pole[name] for pole in one.result.get("pilot_poles", ())] for one in rows]
         columns[f"pole_{name}"] = _padded(poles)

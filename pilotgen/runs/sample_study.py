@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pilotgen.objectives import ranked_objectives
+from pilotgen.objectives import quantiles, ranked_objectives
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import ResultsWriter, Row, columns_of
@@ -76,7 +76,7 @@ def sample_study(
                 for k, result in enumerate(results):
                     if result["status"] == "ok":
                         F[k] = ranked_objectives(result, problem.objectives)
-                writer.append(columns_of(rows, problem.names, F, None))
+                writer.append(columns_of(rows, problem.names, F, None, quantiles(study.search.objectives)))
                 first += len(X)
                 batch.report(milestone=True)
     return Run(path, progress, COMPLETE)

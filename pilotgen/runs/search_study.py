@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError, StudyError
-from pilotgen.objectives import ranked_objectives
+from pilotgen.objectives import quantiles, ranked_objectives
 from pilotgen.population.region import region_of
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.journal import Journal
@@ -80,7 +80,7 @@ def search_study(
             return F
 
         found = run_search(problem, settings, evaluate)
-        columns = columns_of(rows, problem.names, found.F, found.rank)
+        columns = columns_of(rows, problem.names, found.F, found.rank, quantiles(study.search.objectives))
         if region is not None:
             columns[DISTANCE] = region.distance(columns["inputs"])
         write_results(

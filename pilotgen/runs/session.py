@@ -16,6 +16,7 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.errors import FileError
+from pilotgen.objectives import OBJECTIVES
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
 from pilotgen.runs.changes import changes, table_of_changes
@@ -27,6 +28,8 @@ from pilotgen.runs.results import read_results
 from pilotgen.runs.task import Task, run_task
 from pilotgen.study.study import Study
 from pilotgen.terminal import Interrupted
+
+ROBUST_KINDS = ("search", "sample")  # of runs that rank pilots by the search's objectives
 
 Say = Callable[[str], None]  # of one sentence
 
@@ -88,7 +91,16 @@ def open_batch(
     workers = _make_workers(options, most)
     try:
         with _open_journal(directory, study, kind, print_hash, say or _warn) as journal:
-            make_task = _task_maker(study, options, print_hash)
+            robust = kind in ROBUST_KINDS and bool(study.robust)
+            if robust:
+                times = study.uncertain["draws"] + 1
+                total = times * (progress.total or study.search.population * study.search.generations)
+                (say or _warn)(
+                    f"a quantile over draws is minimised: every pilot is evaluated {times} times, at most {total} "
+                    "evaluations in all"
+                )
+            make_task = _task_maker(study, options, print_hash, robust)
+            told = [key for key in study.search.objectives if robust or key in OBJECTIVES]
             batch = Batch(
                 journal,
                 workers,
@@ -97,7 +109,7 @@ def open_batch(
                 print_hash,
                 options.max_failures,
                 options.retry_failed,
-                study.search.objectives,
+                told,
                 on_progress,
                 progress,
             )
@@ -143,7 +155,9 @@ def evaluate_pilots(
     return [found[index] for index in range(len(pilots))]
 
 
-def _task_maker(study: Study, options: RunOptions, print_hash: str) -> Callable[[Mapping[str, float]], Task]:
+def _task_maker(
+    study: Study, options: RunOptions, print_hash: str, robust: bool = False
+) -> Callable[[Mapping[str, float]], Task]:
     pickled = pickle.dumps(study)
     to_check = print_hash if options.executor == "dask" else None  # workers may be on other machines
 
@@ -156,6 +170,7 @@ def _task_maker(study: Study, options: RunOptions, print_hash: str) -> Callable[
             options.mbdyn,
             options.time_limit_s,
             to_check,
+            robust and bool(values),  # no draws to warm up with
         )
 
     return make_task

@@ -10,12 +10,15 @@ import pickle
 import platform
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from pilotgen.errors import FileError, PilotgenError
 from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
 from pilotgen.runs.fingerprint import fingerprint
 from pilotgen.study.study import Study
+from pilotgen.uncertain.draws import Draws
+from pilotgen.uncertain.robust import with_draws
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class Task:
     mbdyn: str | None = None
     time_limit_s: float = 30.0
     fingerprint: str | None = None
+    robust: bool = False  # draws of what is uncertain as well, for a robust search
 
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # mallopt(3)
@@ -96,11 +100,19 @@ def evaluated(task: Task) -> tuple[Evaluation | FailedEvaluation, float]:
     outcome: Evaluation | FailedEvaluation
     try:
         outcome = evaluate(context, task.values)
+        if task.robust and isinstance(outcome, Evaluation):
+            outcome = with_draws(context, _draws(task.study), outcome)
     except PilotgenError:
         raise  # a missing solver, a full disk, a wrong study: no pilot would fare better
     except Exception as error:  # the edge of a worker: a fault of ours on one pilot must not end the study
         outcome = FailedEvaluation(task.values, "internal", f"{type(error).__name__}: {error}")
     return outcome, time.process_time() - start_cpu + context.solver_seconds - start_solver
+
+
+@lru_cache(maxsize=1)
+def _draws(pickled: bytes) -> Draws:
+    study: Study = pickle.loads(pickled)
+    return Draws(study, study.uncertain["draws"])
 
 
 def _close_at_exit(context: EvaluationContext) -> None:

@@ -38,7 +38,7 @@ from pilotgen.study.fields import (
 )
 from pilotgen.study.population_section import population_rows, within_rows
 from pilotgen.study.seated_rows import SEATED_ROWS
-from pilotgen.study.uncertain_section import Groups, uncertain_rows
+from pilotgen.study.uncertain_section import Groups, Objectives, uncertain_rows
 from pilotgen.study.yaml_file import bundled
 
 MAYO_PRESETS: Mapping[str, Mapping[str, float]] = {  # Mayo (1989), as in Table 2 of the reference paper
@@ -319,7 +319,7 @@ SCHEMA: Mapping[str, Field] = {
     # ---- search
     "search": Section(meaning="what the search varies and how"),
     "search.variables": ByName(entry=bounds, meaning="bounds, as above"),
-    "search.objectives": Words(tuple(OBJECTIVES), default=DEFAULT_OBJECTIVES, meaning="what is minimised"),
+    "search.objectives": Objectives(tuple(OBJECTIVES), default=DEFAULT_OBJECTIVES, meaning="what is minimised"),
     "search.population": Whole(4, 100_000, meaning="individuals per generation; even for `nsga2`"),
     "search.generations": Whole(
         1,

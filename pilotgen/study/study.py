@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import StudyError
+from pilotgen.objectives import quantiles
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
 from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, Value, shown
 from pilotgen.study.population_section import check_within, population_from, within_from
@@ -36,7 +37,7 @@ from pilotgen.study.schema import (
 )
 from pilotgen.study.torso_numbers import LUMPED, RIGID, TorsoNumbers, torso_from
 from pilotgen.study.uncertain_check import check_uncertain
-from pilotgen.study.uncertain_section import merged, uncertain_from
+from pilotgen.study.uncertain_section import check_robust, merged, uncertain_from
 from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,
@@ -296,6 +297,11 @@ class Study:
         text = f"# {self.path or 'a study'}, changed\n" + yaml_text(sections)
         return dataclasses.replace(self, text=text, lines=dict(yaml_from_text(text, self.path).lines))
 
+    @property
+    def robust(self) -> tuple[str, ...]:
+        """Objectives of whose draws the search minimises a quantile; empty if it is no robust search."""
+        return tuple(sorted({one.base for one in quantiles(self.search.objectives)}))
+
     def canonical(self) -> str:
         """Return all that determines an evaluation besides the pilot's values, as JSON with sorted keys.
 
@@ -312,6 +318,10 @@ class Study:
         else:
             content["pilot"] = pilot
             content["cockpit"] = self.cockpit
+        if self.robust:
+            variables, groups, _ = merged(self.uncertain)
+            content["uncertain"] = {"variables": variables, "correlated": groups, "of": self.robust}
+            content["uncertain"] |= {key: self.uncertain[key] for key in ("draws", "seed")}
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
@@ -528,6 +538,7 @@ def _check_together(study: Study) -> None:
 
 def check_uncertainty(study: Study) -> None:
     """Raise Mistake if what is uncertain does not go with the rest of a study, which may have changed since."""
+    check_robust(study.uncertain, study.search.objectives)
     check_uncertain(study.uncertain, study.pilot.model, study.value, study.nominal, tuple(study.search.variables))
     variables, _, origin = merged(study.uncertain)
     for name in variables:

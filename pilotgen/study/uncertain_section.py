@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pilotgen.errors import StudyError
+from pilotgen.objectives import quantile, quantiles
 from pilotgen.study.fields import (
     ByName,
     Choice,
@@ -89,6 +90,28 @@ def uncertain_rows() -> dict[str, Field]:
         "uncertain.draws": Whole(2, 10_000, default=40, meaning="draws per pilot of a robust search"),
         "uncertain.seed": Whole(0, 2**63 - 1, default=1, meaning="of the draws: draw i is the same for every pilot"),
     }
+
+
+@dataclass(frozen=True)
+class Objectives(Words):
+    """A list of objectives, of which some may be quantiles: `quantile 5 % of gain_margin_db`."""
+
+    def check(self, what: str, data: Any) -> tuple[str, ...]:
+        """Return the objectives, quantiles spelled one way. StudyError for anything else."""
+        if not isinstance(data, list | tuple):
+            return super().check(what, data)
+        key, equals, _ = what.rpartition(" = ")
+        named = []
+        for k, word in enumerate(data):
+            if isinstance(word, str) and word.split()[:1] == ["quantile"]:
+                try:
+                    named.append(quantile(word).key)
+                except ValueError as error:
+                    raise StudyError(f"{f'{key}[{k}] = {shown(word)}' if equals else what} {error}") from None
+            else:
+                named.append(word)
+        known = (*self.choices, *(word for word in named if isinstance(word, str) and word.startswith("quantile ")))
+        return Words(tuple(dict.fromkeys(known))).check(what, named)
 
 
 # ---- one distribution
@@ -260,6 +283,20 @@ def drawable(one: Distribution, number: Any, base: float) -> tuple[float, float]
 
 
 # ---- the section
+
+
+def check_robust(section: Mapping[str, Any], objectives: Sequence[str]) -> None:
+    """Raise Mistake if objectives are quantiles over draws that a study cannot have."""
+    for one in quantiles(objectives):
+        if not merged(section)[0]:
+            raise Mistake("search.objectives", one.key, "needs a section uncertain, whose draws it is of; add one")
+        rare = min(one.share, 1.0 - one.share)
+        if rare * section["draws"] < 1.0 - 1e-9:
+            raise Mistake(
+                "search.objectives",
+                one.key,
+                f"is beyond {section['draws']} draws; give uncertain.draws: {math.ceil(1.0 / rare - 1e-9)} or more",
+            )
 
 
 def uncertain_from(data: str | Mapping[str, Any] | None) -> dict[str, Any]:

@@ -12,17 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.special import bdtr
 
-from pilotgen.objectives import OBJECTIVES, below_limits
+from pilotgen.objectives import OBJECTIVES, below_limits, place_of_quantile
 from pilotgen.population.shares import Share
 from pilotgen.population.tally import signed
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 OUTSIDE = 0.025  # of an interval, on either side
-
-
-def place_of_quantile(q: float, count: int) -> int:
-    """Which of `count` values in rising order is their q quantile: one of them, never between two."""
-    return max(0, math.ceil(q * count - 1e-9) - 1)
 
 
 def interval_of_quantile(q: float, count: int) -> tuple[int | None, int | None]:

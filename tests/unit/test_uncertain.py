@@ -19,12 +19,13 @@ from study_texts import MAYO, MULTIBODY, message_of
 
 from pilotgen.cli import main
 from pilotgen.errors import StudyError
+from pilotgen.objectives import place_of_quantile
 from pilotgen.study.study import study_from_text
 from pilotgen.study.uncertain_section import SETS, bundled_set
 from pilotgen.study.yaml_file import bundled
 from pilotgen.uncertain.distributions import of_scores, word_of
 from pilotgen.uncertain.draws import Draws
-from pilotgen.uncertain.spread import interval_of_quantile, place_of_quantile, sentences, spread_of
+from pilotgen.uncertain.spread import interval_of_quantile, sentences, spread_of
 
 Run = Callable[..., tuple[int, str, str]]
 ALL = (-math.inf, math.inf)
