@@ -52,7 +52,7 @@ class Plan:
     workers : int
         Processes.
     seconds_per_pilot : float
-        Wall time of one evaluation in one process, measured on the nominal pilot [s].
+        Wall time of one pilot in one process, measured on the nominal pilot; of a robust search with his draws [s].
     seconds : float
         The whole run [s], estimated.
     memory_bytes, memory_free_bytes : int
@@ -116,7 +116,7 @@ def plan(study: Study, options: RunOptions, directory: Path | None = None, numbe
         while count < MOST_TIMED and time.perf_counter() - begin < TIMED_S:
             evaluate(context, nominal)
             count += 1
-        per_pilot = (time.perf_counter() - begin) / count
+        per_pilot = (time.perf_counter() - begin) / count * (study.uncertain["draws"] + 1 if study.robust else 1)
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + _solver_memory(context)
         solver = solver_version(options.mbdae) if context.mbdae is not None else "none"
     left = max(0, evaluations - recorded)
@@ -166,6 +166,7 @@ def _bytes_per_pilot(study: Study, result: dict[str, object]) -> int:
     """Journal and study.h5 of one pilot."""
     names = tuple(study.search.variables)
     text = len(json.dumps(result)) + 60 * len(study.nominal) + 2 * 64
+    text += 20 * study.uncertain["draws"] * len(study.robust)  # margins of the draws
     row = Row(0, 0, dict.fromkeys(names, 1.0), {**result, "status": result["status"]})
     columns = columns_of([row], names, np.zeros((1, len(study.search.objectives))), None)
     return int(JOURNAL_OVERHEAD * text) + sum(column.nbytes + 16 for column in columns.values())
