@@ -14,6 +14,7 @@ from pilotgen.commands import common
 from pilotgen.files import to_json
 
 if TYPE_CHECKING:
+    from pilotgen.objectives import Objective
     from pilotgen.runs.batch import Progress
 
 WRITES = ("sensitivity.json", "journal.sqlite*")
@@ -26,7 +27,8 @@ def add_parser(commands: Any) -> None:
         "sensitivity",
         "tell which numbers decide the margins, and which way",
         "First-order and total Sobol indices of the study's objectives over its numbers, with bootstrap intervals, or "
-        "Morris screening; slopes at the nominal pilot beside them. N base points of k numbers are N (k + 2) pilots. "
+        "Morris screening, or a classical analysis of variance; slopes at the nominal pilot beside them. N base points "
+        "of k numbers are N (k + 2) pilots. "
         "Leaves sensitivity.json in DIR. Same journal, workers and --resume as a search.",
         "pilotgen sensitivity docs/studies/puma-sensitivity.yaml -n 256 -o results/sensitivity",
         json_help="print sensitivity.json instead of tables",
@@ -39,10 +41,27 @@ def add_parser(commands: Any) -> None:
         metavar="N",
         type=common.positive_int,
         required=True,
-        help="base points, a power of two; trajectories of Morris",
+        help="base points, a power of two; Morris: trajectories; surrogate: pilots; anova: levels of each number",
     )
     parser.add_argument(
-        "--method", choices=("sobol", "morris"), default="sobol", help="how numbers are varied (default: sobol)"
+        "--method",
+        choices=("sobol", "morris", "surrogate", "anova"),
+        default="sobol",
+        help="how numbers are varied (default: sobol)",
+    )
+    parser.add_argument(
+        "--surrogate",
+        dest="method",
+        action="store_const",
+        const="surrogate",
+        help="Sobol indices of a polynomial through N pilots, with its cross-validated error: --method surrogate",
+    )
+    parser.add_argument(
+        "--anova",
+        dest="method",
+        action="store_const",
+        const="anova",
+        help="classical analysis of variance over all combinations of N levels: --method anova",
     )
     parser.add_argument(
         "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
@@ -94,27 +113,38 @@ def run(args: argparse.Namespace) -> int:
 def print_sensitivity(content: Mapping[str, Any]) -> None:
     """What decides, as a sentence and a table for each objective."""
     from pilotgen.objectives import OBJECTIVES
+    from pilotgen.sensitivity.surrogate import ENOUGH
 
     points, failed = content["points"], content["failed"]
     print(f"{failed} of {points} pilots failed ({100 * failed / points:.1f} %)")
     for key, one in content["objectives"].items():
-        row, found = OBJECTIVES[key], one["indices"]
+        row = OBJECTIVES[key]
         print()
+        if "anova" in one:
+            _print_anova(row, one, points)
+            continue
+        found = one["indices"]
         if found is None:
-            print(
-                f"{row.label}: infinite for {one['infinite']} of {points} pilots, so that it has no indices; "
-                "modulus_margin always has"
-            )
+            print(_infinite(row, one, points))
             found = {"numbers": {name: {} for name in content["numbers"]}, "blocks_left_out": 0}
         elif any(value is None for numbers in found["numbers"].values() for value in numbers.values()):
             print(f"{row.label}: does not vary, or too few pilots could be evaluated; it has no indices")
-        if found["blocks_left_out"]:
+        if found.get("explained") is not None:
+            print(
+                f"{row.label}: a polynomial of degree {found['degree']} ({found['terms']} terms) explains "
+                f"{100.0 * found['explained']:.1f} % of the variance of pilots left out"
+                + ("" if found["explained"] >= ENOUGH else ": too little for its indices; give a larger -n, or sobol")
+            )
+        if found["blocks_left_out"] and content["method"] == "surrogate":
+            print(f"{found['blocks_left_out']} pilots who failed are left out")
+        elif found["blocks_left_out"]:
             blocks = found["blocks_left_out"] + found["blocks"]
             print(f"{found['blocks_left_out']} of {blocks} blocks of points are left out, for a pilot of theirs failed")
-        size = "total" if content["method"] == "sobol" else "mean_magnitude"
+        morris = content["method"] == "morris"
+        size = "mean_magnitude" if morris else "total"
         order = sorted(found["numbers"], key=lambda name: -(found["numbers"][name].get(size) or 0.0))
         width = max(map(len, order))
-        second = "first" if content["method"] == "sobol" else "deviation"
+        second = "deviation" if morris else "first"
         print(f"{row.heading:{width}}  {size.replace('_', ' '):>18}  {second:>18}  slope at the nominal pilot")
         for name in order:
             numbers, slope = found["numbers"][name], one["slopes"][name]
@@ -123,7 +153,43 @@ def print_sensitivity(content: Mapping[str, Any]) -> None:
             print(f"{name:{width}}  {_cell(numbers, size):>18}  {_cell(numbers, second):>18}  {told}")
         moved = _moved(one.get("convergence", []))
         if moved is not None:
-            print(f"total indices moved by at most {moved:.3f} from half the base points to all of them")
+            what = "pilots" if content["method"] == "surrogate" else "base points"
+            print(f"total indices moved by at most {moved:.3f} from half the {what} to all of them")
+
+
+def _infinite(row: Objective, one: Mapping[str, Any], points: int) -> str:
+    return (
+        f"{row.label}: infinite for {one['infinite']} of {points} pilots ({100.0 * one['infinite'] / points:.1f} %), "
+        "so that it has no indices; modulus_margin always has"
+    )
+
+
+def _print_anova(row: Objective, one: Mapping[str, Any], points: int) -> None:
+    """The classical table, largest sums first."""
+    if one["infinite"]:
+        print(_infinite(row, one, points))
+        return
+    if one["anova"] is None:
+        print(f"{row.label}: a pilot failed, so that the factorial is not whole and has no table; narrow the ranges")
+        return
+    effects = sorted((line for line in one["anova"] if "f" in line), key=lambda line: -line["sum_of_squares"])
+    lines = effects + [line for line in one["anova"] if "f" not in line]
+    width = max(len(row.heading), *(len(line["source"]) for line in lines))
+    heads = ("sum of squares", "share", "df", "mean square", "F", "p")
+    print(f"{row.heading:{width}}" + "".join(f"{head:>15}" for head in heads))
+    for line in lines:
+        share = line.get("share")
+        cells = [
+            f"{line['sum_of_squares']:.5g}",
+            "" if share is None else f"{100.0 * share:.1f} %",
+            f"{line['degrees_of_freedom']}",
+            *(_plain(line.get(key)) for key in ("mean_square", "f", "p")),
+        ]
+        print(f"{line['source']:{width}}" + "".join(f"{cell:>15}" for cell in cells))
+
+
+def _plain(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
 
 
 def _moved(convergence: Sequence[Mapping[str, Any]]) -> float | None:

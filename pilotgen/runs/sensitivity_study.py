@@ -20,6 +20,8 @@ from pilotgen.runs.batch import Batch, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.session import Say, open_batch, provenance
 from pilotgen.sensitivity import indices
+from pilotgen.sensitivity.anova import anova, factorial_points
+from pilotgen.sensitivity.surrogate import surrogate_indices, surrogate_points
 from pilotgen.study.schema import field_of, is_whole, study_unit
 from pilotgen.study.study import Study
 
@@ -27,7 +29,7 @@ CHUNK = 1000  # pilots in memory at a time
 KIND = "sensitivity"
 RESULT_NAME = "sensitivity.json"
 FILETYPE, VERSION = "pilotgen sensitivity", 1
-METHODS = ("sobol", "morris")
+METHODS = ("sobol", "morris", "surrogate", "anova")
 STEP = 0.01  # of a slope, of the number's range in the study
 
 
@@ -56,9 +58,10 @@ def sensitivity_study(
     study, directory, options, on_progress, say
         As of `search_study`.
     number : int
-        Base points of Saltelli's sample (a power of two), or Morris' trajectories.
+        Base points of Saltelli's sample (a power of two), Morris' trajectories, pilots of a surrogate, or levels
+        of each number in an analysis of variance.
     method : str
-        "sobol" or "morris".
+        One of `METHODS`.
     seed : int, optional
         Of the points; the study's `search.seed` by default.
 
@@ -73,8 +76,7 @@ def sensitivity_study(
     seed = study.search.seed if seed is None else seed
     bounds = study.sensitivity["variables"] or study.search.variables
     keys = study.sensitivity["objectives"]
-    make = indices.sobol_points if method == "sobol" else indices.morris_points
-    spread = make(bounds, number, seed)
+    spread = _points(method, bounds, number, seed)
     near = _slope_points(study, bounds)
     progress = Progress(len(near) + len(spread))
     with open_batch(study, directory, KIND, options, min(len(spread), CHUNK), on_progress, progress, say) as batch:
@@ -97,29 +99,49 @@ def sensitivity_study(
         **attributes,
     }
     for key in keys:
-        content["objectives"][key] = _of_objective(bounds, method, spread, values[key], near, at_nominal[key], seed)
+        one = _of_objective(bounds, method, number, spread, values[key], seed)
+        first = float(at_nominal[key][0])
+        content["objectives"][key] = {
+            "nominal": first if math.isfinite(first) else None,
+            "slopes": dict(zip(bounds, indices.slopes(near, at_nominal[key]), strict=True)),
+            **one,
+        }
     write_text(directory / RESULT_NAME, to_json(content))
     return SensitivityRun(content, progress)
+
+
+def _points(method: str, bounds: Mapping[str, tuple[float, float]], number: int, seed: int) -> np.ndarray:
+    if method == "anova":
+        return factorial_points(bounds, number)
+    make = {"sobol": indices.sobol_points, "morris": indices.morris_points, "surrogate": surrogate_points}[method]
+    return make(bounds, number, seed)
 
 
 def _of_objective(
     bounds: Mapping[str, tuple[float, float]],
     method: str,
-    spread: np.ndarray,
+    number: int,
+    points: np.ndarray,
     values: np.ndarray,
-    near: np.ndarray,
-    at_nominal: np.ndarray,
     seed: int,
 ) -> dict[str, Any]:
+    """What a method says of an objective; nothing of one that is infinite for somebody: it has no variance."""
     infinite = int(np.isinf(values).sum())
     found: dict[str, Any] = {"infinite": infinite}
-    first = float(at_nominal[0])
-    found["nominal"] = first if math.isfinite(first) else None
-    found["slopes"] = dict(zip(bounds, indices.slopes(near, at_nominal), strict=True))
-    if infinite:  # a margin that is not always there has no variance to share out
+    if method == "anova":  # every combination of levels has to be there
+        whole = bool(np.isfinite(values).all())
+        cells = values.reshape((number,) * len(bounds) + (1,))
+        return {**found, "anova": anova(cells, list(bounds)) if whole else None}
+    if infinite:
         return {**found, "indices": None}
     if method == "morris":
-        return {**found, "indices": indices.morris_effects(bounds, spread, values, seed)}
+        return {**found, "indices": indices.morris_effects(bounds, points, values, seed)}
+    if method == "surrogate":
+        steps = []
+        for part in (len(points) // 4, len(points) // 2, len(points)):
+            told = surrogate_indices(bounds, points[:part], values[:part], seed)
+            steps.append({"base": part, "total": {name: row["total"] for name, row in told["numbers"].items()}})
+        return {**found, "indices": told, "convergence": steps}
     told = indices.sobol_indices(bounds, values, seed)
     return {**found, "indices": told, "convergence": indices.convergence(bounds, values, seed)}
 

@@ -14,9 +14,12 @@ import numpy as np
 import pytest
 from study_texts import MAYO, MULTIBODY, message_of
 
+import pilotgen as pg
 from pilotgen.cli import main
 from pilotgen.errors import StudyError
 from pilotgen.sensitivity import indices
+from pilotgen.sensitivity.surrogate import ENOUGH, surrogate_indices, surrogate_points
+from pilotgen.study.study import read_study
 
 Run = Callable[..., tuple[int, str, str]]
 STUDY = MAYO + (
@@ -77,6 +80,52 @@ def test_a_linear_function_has_known_indices_effects_and_slopes() -> None:
     assert indices.slopes(near, near @ slope) == pytest.approx(list(slope), abs=1e-12)
 
 
+def test_a_surrogate_has_the_indices_of_polynomials_and_of_ishigamis_function() -> None:
+    box, slope = {"a": (0.0, 1.0), "b": (10.0, 14.0), "c": (-1.0, 1.0)}, np.array([3.0, -0.5, 0.0])
+    x = surrogate_points(box, 20, 2)
+    assert np.array_equal(surrogate_points(box, 12, 2), x[:12])
+    found = surrogate_indices(box, x, x @ slope, 2)
+    parts = (slope * [1, 4, 2]) ** 2 / ((slope * [1, 4, 2]) ** 2).sum()
+    assert found["explained"] == pytest.approx(1.0, abs=1e-12)
+    assert [row["total"] for row in found["numbers"].values()] == pytest.approx(list(parts), abs=1e-9)
+    # a b with a in [0, 1], b in [10, 14]: variances 12^2 / 12, 4^2 / 12 / 4, 4^2 / 144
+    one = surrogate_indices({"a": (0.0, 1.0), "b": (10.0, 14.0)}, x[:, :2], x[:, 0] * x[:, 1], 1)["numbers"]
+    v = np.array([12.0, 16 / 48, 16 / 144])
+    assert one["a"]["first"] == pytest.approx(v[0] / v.sum(), abs=1e-9)
+    assert one["b"]["total"] == pytest.approx((v[1] + v[2]) / v.sum(), abs=1e-9)
+    a, b, pi = 7.0, 0.1, math.pi
+    box = {f"x{k}": (-pi, pi) for k in (1, 2, 3)}
+    x = surrogate_points(box, 512, 1)
+    told = surrogate_indices(box, x, np.sin(x[:, 0]) * (1 + b * x[:, 2] ** 4) + a * np.sin(x[:, 1]) ** 2, 1)
+    v1, v2, v13 = 0.5 * (1 + b * pi**4 / 5) ** 2, a**2 / 8, b**2 * pi**8 * (1 / 18 - 1 / 50)
+    v = v1 + v2 + v13
+    assert told["explained"] > 0.98
+    assert [row["first"] for row in told["numbers"].values()] == pytest.approx([v1 / v, v2 / v, 0.0], abs=0.01)
+    assert [row["total"] for row in told["numbers"].values()] == pytest.approx(
+        [(v1 + v13) / v, v2 / v, v13 / v], abs=0.01
+    )
+
+
+def test_a_surrogate_says_where_it_does_not_fit_and_its_intervals_hold() -> None:
+    """A polynomial does not follow the kinks of the g-function with a = 0; noise widens the intervals."""
+    a = np.array([0.0, 0.0, 0.0])
+    box = {f"x{k}": (0.0, 1.0) for k in range(3)}
+    x = surrogate_points(box, 64, 3)
+    assert surrogate_indices(box, x, np.prod((np.abs(4 * x - 2) + a) / (1 + a), axis=1), 3)["explained"] < ENOUGH
+    held, slope = 0, np.array([1.0, 0.5, 0.1])
+    truth = slope**2 / (slope**2).sum()
+    for seed in range(40):
+        x = surrogate_points(box, 64, seed)
+        y = x @ slope + 0.1 * np.random.default_rng(seed).standard_normal(64)
+        rows = surrogate_indices(box, x, y, seed)["numbers"].values()
+        held += sum(abs(row["first"] - t) <= row["first_half_width"] for row, t in zip(rows, truth, strict=True))
+    assert held >= 0.85 * 120
+    nothing = surrogate_indices(box, x, np.full(64, 2.0), 1)
+    assert nothing["degree"] is None and nothing["numbers"]["x0"]["total"] is None
+    with pytest.raises(StudyError, match="6 are wanted at least, and 15 for one that is curved"):
+        surrogate_points(box, 5, 1)
+
+
 def test_points_of_a_longer_sample_begin_with_those_of_a_shorter_one() -> None:
     box = {"a": (0.0, 1.0), "b": (0.0, 1.0)}
     assert np.array_equal(indices.sobol_points(box, 64, 5)[: 32 * 4], indices.sobol_points(box, 32, 5))
@@ -123,8 +172,43 @@ def test_the_command(run: Run, tmp_path: Path) -> None:
     assert (tmp_path / "two" / "sensitivity.json").read_bytes() == (tmp_path / "a" / "sensitivity.json").read_bytes()
     code, out, _ = run(tmp_path / "s.yaml", "-n", 4, "-o", tmp_path / "m", "--method", "morris", "--json")
     assert code == 0 and json.loads(out)["objectives"]["modulus_margin"]["indices"]["blocks"] == 4
+    code, out, _ = run(tmp_path / "s.yaml", "--surrogate", "-n", 60, "-o", tmp_path / "p")
+    assert code == 0 and "% of the variance of pilots left out" in out
+    told = json.loads((tmp_path / "p" / "sensitivity.json").read_text())["objectives"]["modulus_margin"]["indices"]
+    assert told["explained"] > 0.98 and told["blocks"] == 60
+    for name, row in told["numbers"].items():  # as the estimator of many more pilots has them, within its interval
+        assert abs(row["total"] - numbers[name]["total"]) < numbers[name]["total_half_width"] + 0.02
     code, out, err = run(tmp_path / "s.yaml", "-n", 20, "-o", tmp_path / "c")
     assert code == 1 and "give -n 16 or 32" in err and not (tmp_path / "c").exists()
+
+
+def variance_of_log(low: float, high: float) -> float:
+    """Of ln x, x evenly spread."""
+    mean = (high * math.log(high) - low * math.log(low)) / (high - low) - 1.0
+    squared = [x * (math.log(x) ** 2 - 2 * math.log(x) + 2) for x in (low, high)]
+    return (squared[1] - squared[0]) / (high - low) - mean**2
+
+
+def test_pilots_with_indices_in_closed_form(run: Run, tmp_path: Path) -> None:
+    """The gain margin of gearing G is that of 1 less 20 log10 G dB: a sum of a part of the pilot's and one of G's."""
+    gearing, damping = (0.8, 1.6), (0.2, 0.5)
+    text = f"inceptor.gearing_rad_per_m: {list(gearing)}, pilot_damping: {list(damping)}"
+    (tmp_path / "s.yaml").write_text(f"{MAYO}sensitivity:\n  variables: {{{text}}}\n  objectives: [gain_margin_db]\n")
+    study = read_study(tmp_path / "s.yaml")
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    margin = np.array(
+        [pg.evaluate(study, {"pilot_damping": 0.35 + 0.15 * x}).margins.gain_margin_db for x in nodes.tolist()]
+    )
+    of_pilot = weights @ margin**2 / 2 - (weights @ margin / 2) ** 2
+    of_gearing = (20 / math.log(10)) ** 2 * variance_of_log(*gearing)
+    share = of_gearing / (of_gearing + of_pilot)
+    assert 0.2 < share < 0.8
+    for method, number, error in (("sobol", 256, 0.015), ("surrogate", 60, 1e-3)):
+        _, out, err = run(tmp_path / "s.yaml", "--method", method, "-n", number, "-o", tmp_path / method, "--json")
+        rows = json.loads(out)["objectives"]["gain_margin_db"]["indices"]["numbers"]
+        for name, expected in (("inceptor.gearing_rad_per_m", share), ("pilot_damping", 1.0 - share)):
+            assert rows[name]["first"] == pytest.approx(expected, abs=error), (method, name, err)
+            assert rows[name]["total"] == pytest.approx(expected, abs=error)
 
 
 def test_an_infinite_margin_has_no_indices(run: Run, tmp_path: Path) -> None:
