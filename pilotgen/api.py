@@ -19,11 +19,13 @@ from pilotgen.evaluation import Evaluation, EvaluationContext
 from pilotgen.evaluation import evaluate as evaluate_in
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.margins import Margins
+from pilotgen.loop.units import CONTROLS
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.output import STUDY_FILES, claimed
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, StudyResults, columns_of, flat_columns, read_results, structured_array
+from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.schema import field_of
 from pilotgen.study.study import Study, read_study
 from pilotgen.summary import caveats
@@ -51,7 +53,7 @@ __all__ = [
     "search_pilots",
 ]
 
-ACCELERATION, ROTATION, PITCH = "seat_zddot_m_s2", "collective_rad", "blade_pitch_rad"  # signals of the loop
+ACCELERATION, ROTATION, PITCH = "seat_zddot_m_s2", "collective_rad", "blade_pitch_rad"  # of heave by the collective
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class Pilot:
         return copy.deepcopy({**self._evaluation.result, "caveats": list(self.caveats)})
 
     def feedthrough(self, washout: bool = True) -> control.StateSpace:
-        """Seat acceleration [m/s^2] in, rotations of the controls [rad] and motion of the collective grip [m] out.
+        """Acceleration of the seat in, rotations of the controls [rad] and motion of the collective grip [m] out.
 
         Parameters
         ----------
@@ -88,12 +90,25 @@ class Pilot:
         return self._evaluation.pilot_model.to_control(washout)
 
     def open_loop(self) -> control.StateSpace:
-        """L(s), cut at the seat acceleration [m/s^2]; closed with negative feedback, the critical point is -1."""
-        return _to_control(self._evaluation.loop.open_loop, ACCELERATION, f"{ACCELERATION}_returned", "open_loop")
+        """L(s), cut at the seat's acceleration; closed with negative feedback, the critical point is -1."""
+        name = self._signals()[0]
+        return _to_control(self._evaluation.loop.open_loop, name, f"{name}_returned", "open_loop")
+
+    def _signals(self) -> tuple[str, str, str]:
+        """Names of the seat's acceleration, of the control's rotation and of the blade pitch."""
+        loop = self._evaluation.loop
+        ends = LoopSignals(loop.motion, loop.control)
+        if ends.usual:
+            return ACCELERATION, ROTATION, PITCH
+        return (
+            f"seat_{ends.input}_{ends.per_acceleration}",
+            f"{CONTROLS[ends.output][0]}_rad",
+            f"{ends.output}_pitch_rad",
+        )
 
     def closed_loop(self) -> control.StateSpace:
-        """Pilot and rotorcraft: blade pitch [rad] added to the pilot's in; seat acceleration [m/s^2], rotation of the
-        collective [rad] and the pilot's blade pitch [rad] out.
+        """Pilot and rotorcraft: blade pitch [rad] added to the pilot's in; acceleration of the seat [m/s^2, rad/s^2],
+        rotation of the control [rad] and the pilot's blade pitch [rad] out.
         """
         import control
 
@@ -112,8 +127,9 @@ class Pilot:
         B = np.concatenate([G.B * (1.0 + gearing * K.D * into), K.B * into])
         C = np.stack([zddot, phi, gearing * phi])
         D = into * np.array([1.0, K.D, gearing * K.D])
-        names = [ACCELERATION, ROTATION, f"pilot_{PITCH}"]
-        return control.ss(A, B[:, None], C, D[:, None], inputs=[PITCH], outputs=names, name="closed_loop")
+        acceleration, rotation, pitch = self._signals()
+        names = [acceleration, rotation, f"pilot_{pitch}"]
+        return control.ss(A, B[:, None], C, D[:, None], inputs=[pitch], outputs=names, name="closed_loop")
 
 
 def _to_control(model: StateSpaceModel, put_in: str, out: str, name: str) -> control.StateSpace:

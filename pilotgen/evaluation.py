@@ -29,12 +29,14 @@ from pilotgen.decks.deck import GRAVITY_M_PER_S2, render_direct, render_posture,
 from pilotgen.errors import EvaluationError, FileError, MatrixError, SolverError, StudyError
 from pilotgen.files import to_json, write_text
 from pilotgen.linear.feedthrough import certificate, make_pilot_model, mayo_pilot
+from pilotgen.linear.imposed_motion import Channels
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.reflex_delay import delay_reflex, delayed_certificate
-from pilotgen.loop.loop import LoopModel, heave_loop
+from pilotgen.loop.loop import LoopModel, pilot_loop
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.loop.measured import measured_margins
 from pilotgen.loop.rotorcraft_model import measured_part, rotorcraft_model
+from pilotgen.loop.units import COLLECTIVE, CONTROLS
 from pilotgen.posture.cockpit import Cockpit, make_cockpit
 from pilotgen.posture.posture import Posture, first_guess, from_poses
 from pilotgen.posture.seated_torso import FEM_NAME, SeatedTorso, seat_torso
@@ -43,9 +45,10 @@ from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.solver.protocol import SolverReply
 from pilotgen.solver.scratch import ScratchDirectory
+from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.study import Reflex, Study
 from pilotgen.study.torso_numbers import MODES, RIGID
-from pilotgen.summary import bdft_summary, result_file
+from pilotgen.summary import bdft_summary, loop_result, result_file
 
 POSTURE_DECK, TRIM_DECK, PILOT_DECK = "posture.mbd", "trim.mbd", "pilot.mbd"
 RESULT_NAME = "result.json"
@@ -114,7 +117,7 @@ class EvaluationContext:
         # A missing program is found out before anything is written.
         self.mbdae = find_mbdae(mbdae) if study.pilot.model == "multibody" else None
         self.mbdyn = find_mbdyn(mbdyn) if solver == "mbdyn" else None
-        self.helicopter = rotorcraft_model(study.rotorcraft)
+        self.helicopter = rotorcraft_model(study.rotorcraft, study.loop.input, study.loop.output)
         self.solver_seconds = 0.0
         self._client: SolverClient | None = None
         self._scratch = ScratchDirectory()
@@ -374,18 +377,26 @@ def feedthrough_of(pilot: SolvedPilot) -> tuple[PilotModel, dict[str, float]]:
     """
     settings = pilot.study.pilot
     assert pilot.matrices is not None
+    ends = pilot.study.loop
+    x, y, z = ends.point_m
     model = make_pilot_model(
         pilot.matrices,
         lever_length_m=pilot.study.inceptor.lever_length_m,
         washout_rad_s=settings.washout_rad_s,
         projection=settings.projection,
+        channels=None if ends.usual else Channels(inputs=(ends.input,), point_m=(x, y, z)),
     )
     if pilot.without_reflex is None:
-        return model, {"certificate": certificate(model)}
+        return model, {"certificate": certificate(model, output=output_of(model, ends))}
     late = (settings.reflex_delay_s, settings.reflex_undelayed_share, settings.reflex_pade_order)
     model = delay_reflex(model, pilot.matrices, pilot.without_reflex, *late)
     certified, pade_error = delayed_certificate(model, pilot.matrices, pilot.without_reflex, *late)
     return model, {"certificate": certified, "pade_error": pade_error}
+
+
+def output_of(model: PilotModel, ends: LoopSignals) -> int:
+    """Which output of a pilot is the control of a loop."""
+    return model.outputs.index(CONTROLS[ends.output][0])
 
 
 def _linearised(context: EvaluationContext, text: str, name: str, path: str, more: str = "") -> Matrices:
@@ -460,8 +471,8 @@ def _evaluate_multibody(context: EvaluationContext, values: dict[str, Any], keep
             "joint_torques_n_m": dict(activation.joint_torques_N_m),
         },
         "pilot_poles": model.pole_list(),
-        "bdft": bdft_summary(model, **checks),
-        "loop": verdict.as_dict(),
+        "bdft": bdft_summary(model, loop, **checks),
+        "loop": loop_result(loop, verdict),
     }
     return Evaluation(values, result, model, loop, verdict, pilot)
 
@@ -481,8 +492,8 @@ def _evaluate_mayo(context: EvaluationContext, values: dict[str, Any]) -> Evalua
         "study": study.name,
         "values": values,
         "pilot_poles": model.pole_list(),
-        "bdft": bdft_summary(model, certificate=None),
-        "loop": verdict.as_dict(),
+        "bdft": bdft_summary(model, loop, certificate=None),
+        "loop": loop_result(loop, verdict),
     }
     return Evaluation(values, result, model, loop, verdict)
 
@@ -492,12 +503,13 @@ def close_loop(context: EvaluationContext, study: Study, model: PilotModel) -> t
 
     Raises EvaluationError where the loop cannot be judged.
     """
-    inceptor = study.inceptor
+    inceptor, ends = study.inceptor, study.loop
     same = study.rotorcraft is context.study.rotorcraft
-    helicopter = context.helicopter if same else rotorcraft_model(study.rotorcraft)
-    loop = heave_loop(model, helicopter, inceptor.gearing_rad_per_m, inceptor.lever_length_m)
+    helicopter = context.helicopter if same else rotorcraft_model(study.rotorcraft, ends.input, ends.output)
+    length = inceptor.lever_length_m if ends.output == COLLECTIVE else float(study.cockpit["cyclic"]["length_m"])
+    loop = pilot_loop(model, helicopter, inceptor.gearing_rad_per_m, length, ends.input, ends.output)
     measured = measured_part(helicopter) is not None
-    verdict = measured_margins(model, helicopter, loop.gearing)[0] if measured else margins(loop)
+    verdict = measured_margins(model, helicopter, loop.gearing, loop.output)[0] if measured else margins(loop)
     if verdict.not_told:  # neither safe nor unsafe: a pilot without an answer, not one with a guessed answer
         raise EvaluationError("margins", f"the loop's margins cannot be told: {verdict.not_told}")
     return loop, verdict

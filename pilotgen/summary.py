@@ -12,8 +12,11 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.linear.pilot_model import PilotModel
+from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.margins import Margins
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.study.fields import MULTIBODY
+from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.schema import MAYO_PRESETS
 from pilotgen.study.study import Study
 from pilotgen.study.torso_numbers import RIGID
@@ -21,39 +24,54 @@ from pilotgen.study.torso_numbers import RIGID
 GRIP_FREQUENCY_HZ = 3.0  # where grip motion is reported, as Mayo's people are (docs/validation.md)
 
 
-def bdft_summary(model: PilotModel, certificate: float | None, pade_error: float | None = None) -> dict[str, Any]:
-    """What a result tells of the feedthrough (docs/io_formats/result.md, `bdft`).
+def bdft_summary(
+    model: PilotModel, loop: LoopModel, certificate: float | None, pade_error: float | None = None
+) -> dict[str, Any]:
+    """What a result tells of the feedthrough (docs/io_formats/result.md, `bdft`): of the control of the loop.
 
     Parameters
     ----------
     model : PilotModel
         The pilot.
+    loop : LoopModel
+        The loop that he is in.
     certificate : float, optional
         Largest relative difference from the full-order response; None without one.
     pade_error : float, optional
         What the approximant of a reflex delay changes; None without a delay.
     """
-    frequency_hz, damping = model.dominant_pair()
-    motion = abs(complex(model.grip_motion(2.0 * math.pi * GRIP_FREQUENCY_HZ)))
+    frequency_hz, damping = model.dominant_pair(loop.output)
+    rotation = complex(model.response(2.0 * math.pi * GRIP_FREQUENCY_HZ, loop.output, washout=False))
+    per = per_acceleration(loop.motion)
     return {
         "dominant_frequency_hz": frequency_hz,
         "dominant_damping": damping,
-        "grip_motion_3hz_mm_per_m_s2": 1e3 * motion,
+        f"grip_motion_3hz_mm_per_{per}": 1e3 * abs(loop.lever_length_m * rotation),
         "certificate": certificate,
         **({} if pade_error is None else {"pade_error": pade_error}),
-        "cyclic": _cyclic_summary(model),
-        "terms": model.terms(),
+        "cyclic": _cyclic_summary(model, per),
+        "terms": model.terms(loop.output),
     }
 
 
-def _cyclic_summary(model: PilotModel) -> dict[str, float] | None:
+def per_acceleration(motion: str) -> str:
+    """End of names of numbers per acceleration of the seat in a motion: `m_s2` or `rad_s2`."""
+    return LoopSignals(input=motion).per_acceleration
+
+
+def loop_result(loop: LoopModel, verdict: Margins) -> dict[str, Any]:
+    """What a result tells of the loop (docs/io_formats/result.md, `loop`): which one it is, and its margins."""
+    return {"input": loop.motion, "output": loop.control, **verdict.as_dict()}
+
+
+def _cyclic_summary(model: PilotModel, per: str) -> dict[str, float] | None:
     """Rotation of the cyclic stick at 3 Hz without washout [mrad per m/s^2] by axis; None without a right arm."""
     axes = [(k, name) for k, name in enumerate(model.outputs) if name.startswith("cyclic_")]
     if not axes:
         return None
     omega = 2.0 * math.pi * GRIP_FREQUENCY_HZ
     rotations = ((name, abs(complex(model.response(omega, k, washout=False)))) for k, name in axes)
-    return {f"{name}_3hz_mrad_per_m_s2": 1e3 * rotation for name, rotation in rotations}
+    return {f"{name}_3hz_mrad_per_{per}": 1e3 * rotation for name, rotation in rotations}
 
 
 RIGID_TORSO = (
@@ -64,6 +82,10 @@ TORSO_ON_SPRINGS = (
     "with a torso on springs gain margins are 1.4 dB larger than those of Mayo's mesomorphic pilots on the Puma, and 3 "
     "to 5 dB larger than those of his ectomorphic ones; compare pilots with each other rather than with a limit"
 )  # the same table
+NO_DATA_OF_OTHER_LOOPS = (
+    "nobody has published a measured feedthrough of {loop} to hold this one against; compare pilots with each other "
+    "rather than with a limit"
+)
 REFLEX_DELAY = (
     "the reflex is delayed after linearisation: decks and matrices on disk have no delay, and calibrated gains were "
     "found without one (docs/theory/reflex_delay.md)"
@@ -78,9 +100,12 @@ def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
     if result.get("status") == "failed":
         return []
     found = [f"extrapolated: {sentence}" for sentence in result.get("extrapolated", ())]
-    if result["loop"].get("interpolation_error") is not None:
-        found.append(_interpolated(result["loop"]["interpolation_error"]))
-    if study.pilot.model == MULTIBODY:
+    errors = result.get("loop", {}).get("interpolation_error")
+    if errors is not None:
+        found.append(_interpolated(errors))
+    if not study.loop.usual:
+        found.append(NO_DATA_OF_OTHER_LOOPS.format(loop=study.loop.words))
+    elif study.pilot.model == MULTIBODY:
         found.append(RIGID_TORSO if study.pilot.torso["model"] == RIGID else TORSO_ON_SPRINGS)
         if study.pilot.reflex_delay_s > 0.0:
             found.append(REFLEX_DELAY)

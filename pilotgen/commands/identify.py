@@ -107,6 +107,11 @@ def run(args: argparse.Namespace) -> int:
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no body to simulate; use a multibody pilot"
         )
+    if not study.loop.usual:
+        raise StudyError(
+            f"{args.study}: loop = {study.loop.words}: identification is of heave by the collective, the loop that "
+            "people were measured in; leave loop out"
+        )
     chosen = set(args.methods or ("all",))
     methods = METHODS if "all" in chosen else tuple(name for name in METHODS if name in chosen)
     listed = sorted({f for part in args.frequencies or [] for f in part})

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.commands.margins import as_object
     from pilotgen.linear.feedthrough import make_pilot_model
     from pilotgen.linear.imposed_motion import Channels
-    from pilotgen.linear.pilot_model import read_pilot_model
+    from pilotgen.linear.pilot_model import INPUT_NAME, read_pilot_model
     from pilotgen.loop.mimo import close
     from pilotgen.solver.matrices import read_matrices
 
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         return _measured(args, gearing)
     plant = _plant(args.plant, common_point(args.seat, "--seat"))
     model = read_pilot_model(args.directory / "pilot_model.h5")
-    if plant.motions != ("heave",) or set(gearing) != {"collective"}:
+    if model.inputs != (INPUT_NAME,) or plant.motions != ("heave",) or set(gearing) != {"collective"}:
         matrices = read_matrices(args.directory / "matrices.h5")
         channels = Channels(inputs=plant.motions)
         model = make_pilot_model(matrices, model.lever_length_m, model.washout_rad_s, channels=channels)
@@ -185,6 +185,7 @@ def _plant(name: str, seat: tuple[float, float, float]) -> Any:
     known = roll_rotorcraft()
     if which not in known:
         raise StudyError(f"--plant {name}: rotorcraft {which!r} is not known; known: {', '.join(known)}")
-    numbers = known[which]
-    plant = roll_plant(numbers["tau_s"], numbers["flap_1_s2"], numbers["delay_s"], seat[1])
-    return plant.called(f"roll with flapping, {which} ({numbers['source']})")
+    found = known[which]
+    assert found.roll is not None
+    plant = roll_plant(found.roll["time_constant_s"], found.roll["flap_1_s2"], found.delay_s, seat[1])
+    return plant.called(f"roll with flapping, {which} ({found.source})")

@@ -16,6 +16,7 @@ from pilotgen.errors import StudyError
 from pilotgen.files import to_json
 from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
 from pilotgen.study.fields import setting_text
+from pilotgen.study.loop_section import COLLECTIVE, HEAVE, LoopSignals
 from pilotgen.study.schema import SCHEMA
 
 if TYPE_CHECKING:
@@ -198,12 +199,15 @@ def summary(result: Mapping[str, Any]) -> str:
         f"poles      {poles}" + (f" (least damped below {POLES_BELOW_HZ:g} Hz; {left_out} others)" if left_out else "")
     )
     bdft = result["bdft"]
+    ends = LoopSignals(loop.get("input", HEAVE), loop.get("output", COLLECTIVE))
+    grip = bdft[f"grip_motion_3hz_mm_per_{ends.per_acceleration}"]
+    of = "" if ends.usual else f" of the {ends.control}"
     lines.append(
-        f"BDFT       {bdft['grip_motion_3hz_mm_per_m_s2']:.2f} mm of grip motion per m/s^2 at 3 Hz"
+        f"BDFT       {grip:.2f} mm of grip motion{of} per {'rad' if ends.rotates else 'm'}/s^2 at 3 Hz"
         + (f", certificate {bdft['certificate']:.1e}" if bdft.get("certificate") is not None else "")
     )
     state = "stable" if loop["stable"] else "UNSTABLE"
-    lines.append(f"loop       {state}; {margins_text(result, OBJECTIVES.values())}")
+    lines.append(f"loop       {ends.words}: {state}; {margins_text(result, OBJECTIVES.values())}")
     if "uncertain" in result:
         lines.extend(spread_lines(result["uncertain"]))
     lines.extend(f"caveat     {sentence}" for sentence in result.get("caveats", []))

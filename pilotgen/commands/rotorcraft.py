@@ -1,4 +1,4 @@
-"""`pilotgen rotorcraft`: poles, transfer function and Bode figure of a rotorcraft.
+"""`pilotgen rotorcraft`: numbers, poles and Bode figure of a rotorcraft.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -18,8 +18,8 @@ def add_parser(commands: Any) -> None:
     parser = common.add_command(
         commands,
         "rotorcraft",
-        "show a rotorcraft's heave and coning dynamics",
-        "Print poles and transfer function of a bundled rotorcraft, or of the one in a study file; with -o also draw "
+        "show a rotorcraft's dynamics",
+        "Print numbers and poles of a bundled rotorcraft, or of the one in a study file; with -o also draw "
         "its Bode figure.",
         "pilotgen rotorcraft iar330-puma -o results/puma",
     )
@@ -30,38 +30,30 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the report; with -o, draw the figure."""
-    from pilotgen.loop.heave_model import HeaveModel, rotorcraft_report
-    from pilotgen.study.rotorcraft import HEAVE_NUMBERS, load_rotorcraft
+    from pilotgen.loop.rotorcraft_report import as_data, describe, usual_loop
+    from pilotgen.study.rotorcraft import load_rotorcraft
     from pilotgen.study.study import read_study
 
-    rotorcraft = (
-        read_study(args.name).rotorcraft if args.name.endswith((".yaml", ".yml")) else load_rotorcraft(args.name)
-    )
+    if args.name.endswith((".yaml", ".yml")):
+        study = read_study(args.name)
+        rotorcraft, ends = study.rotorcraft, study.loop
+    else:
+        rotorcraft = load_rotorcraft(args.name)
+        ends = usual_loop(rotorcraft)
     figure = None
     if not args.json:
-        print(rotorcraft_report(rotorcraft))
+        print(describe(rotorcraft, ends))
     if args.output is not None:
         from pilotgen.figures import rotorcraft_bode, style
+        from pilotgen.loop.rotorcraft_model import rotorcraft_model
         from pilotgen.output import claimed
 
+        model = rotorcraft_model(rotorcraft, ends.input, ends.output)
         with claimed(args.output, "rotorcraft", (FIGURE_NAME,), overwrite=args.overwrite) as directory:
             figure = directory / FIGURE_NAME
-            style.save(rotorcraft_bode(HeaveModel(rotorcraft)), figure)
+            style.save(rotorcraft_bode(model, rotorcraft.name, ends), figure)
     if args.json:
-        model = HeaveModel(rotorcraft)
-        numerator, denominator = model.transfer_function
-        numbers = {key: getattr(rotorcraft, key) for key in HEAVE_NUMBERS}
-        common.print_json(
-            {
-                "name": rotorcraft.name,
-                "source": rotorcraft.source,
-                **numbers,
-                "poles_rad_s": model.poles,
-                "numerator": numerator,
-                "denominator": denominator,
-                "figure": figure,
-            }
-        )
+        common.print_json({**as_data(rotorcraft, ends), "figure": figure})
     elif figure is not None:
         print(f"Bode figure: {figure}")
     return 0

@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
 def print_sample(done: Run) -> None:
     """Counts, the smallest objectives, and where everything is."""
     from pilotgen.objectives import objective
+    from pilotgen.runs.results import read_results
 
     progress = done.progress
     print(
@@ -99,5 +100,6 @@ def print_sample(done: Run) -> None:
         f"{progress.unstable} with an unstable closed loop"
     )
     smallest = ", ".join(objective(name).brief(value) for name, value in progress.smallest.items())
-    print(f"smallest: {smallest or 'none'}")
+    loop = read_results(done.path).attributes.get("loop", "")
+    print(f"smallest: {smallest or 'none'}" + (f" ({loop})" if loop else ""))
     print(f"results: {done.path}")

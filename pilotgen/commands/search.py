@@ -174,6 +174,7 @@ def worst_table(results: Any, count: int = 10) -> list[str]:
             + ([one_in(beyond(columns[DISTANCE][k]))] if DISTANCE in columns else [])
         )
     widths = [max(len(row[j]) for row in table) for j in range(len(heads))]
-    return ["worst pilots"] + [
+    loop = results.attributes.get("loop", "")
+    return [f"worst pilots{f' of {loop}' if loop else ''}"] + [
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in table
     ]

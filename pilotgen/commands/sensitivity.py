@@ -119,7 +119,7 @@ def print_sensitivity(content: Mapping[str, Any]) -> None:
     print(f"{failed} of {points} pilots failed ({100 * failed / points:.1f} %)")
     for key, one in content["objectives"].items():
         row = OBJECTIVES[key]
-        print()
+        print(f"\n{row.label} of {content['loop']}" if content.get("loop") else "")
         if "anova" in one:
             _print_anova(row, one, points)
             continue

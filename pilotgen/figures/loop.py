@@ -16,6 +16,8 @@ from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, GREY, LIGHT_GREY, LINE_COLORS
 from pilotgen.loop.rotorcraft_model import measured_part
 from pilotgen.objectives import GAIN_MARGIN, PHASE_MARGIN
+from pilotgen.study.loop_section import COLLECTIVE, HEAVE, LoopSignals
+from pilotgen.study.loop_section import CONTROLS as CONTROL_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
     from pilotgen.evaluation import Evaluation
     from pilotgen.linear.statespace import ComplexArray, FloatArray
+    from pilotgen.loop.loop import LoopModel
     from pilotgen.loop.margins import Margins
 
 LOW_HZ, HIGH_HZ = 0.1, 20.0  # the band of the figures, and of the feedthrough's certificate
@@ -76,7 +79,8 @@ def bode(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
     omega = 2.0 * math.pi * grid_hz
     for (label, evaluation), color in zip(pilots, LINE_COLORS, strict=False):
         model = evaluation.pilot_model
-        H = model.grip_motion(omega, washout=True)
+        length, output = evaluation.loop.lever_length_m, evaluation.loop.output
+        H = length * model.response(omega, output)
         L = evaluation.loop.response(omega)
         mode = _dominant_mode(evaluation)
         bdft.plot(
@@ -84,7 +88,7 @@ def bode(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
         )
         bdft_phase.plot(grid_hz, _phase_deg(H), color=color)
         if len(pilots) == 1 and model.washout_rad_s is not None:
-            alone = model.grip_motion(omega)
+            alone = length * model.response(omega, output, washout=False)
             bdft.plot(grid_hz, 1e3 * np.abs(alone), color=color, linestyle=":", linewidth=1.2, label="body alone")
             bdft_phase.plot(grid_hz, _phase_deg(alone), color=color, linestyle=":", linewidth=1.2)
         _mark_poles(bdft, evaluation, color)
@@ -94,8 +98,11 @@ def bode(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
         _mark_crossings(loop, loop_phase, evaluation.margins, grid_hz, phase, color)
     bdft.set_yscale("log")
     bdft.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    bdft.set_title("feedthrough: seat acceleration → collective grip (× poles)")
-    bdft.set_ylabel("grip motion [mm per m/s²]")
+    one = pilots[0][1].loop if pilots else None
+    heave = one is None or (one.motion, one.control) == (HEAVE, COLLECTIVE)
+    motion, grip = ("acceleration", COLLECTIVE) if heave or one is None else (one.motion, CONTROL_WORDS[one.control])
+    bdft.set_title(f"feedthrough: seat {motion} → {grip} grip (× poles)")
+    bdft.set_ylabel("grip motion [mm per m/s²]" if heave else f"grip motion [mm per {_unit(one)}]")
     loop.set_title("loop L (○ |L| = 1,  □ L real and negative)")
     loop.set_ylabel("|L| [dB]")
     loop.axhline(0.0, color=BLACK, linewidth=0.9, zorder=1)
@@ -116,8 +123,13 @@ def bode(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
         only = pilots[0][1]
         bdft.plot([], [], "x", color=LINE_COLORS[0], markeredgewidth=1.6, label=_dominant_mode(only))
         bdft.legend(loc="lower left")
-        figure.suptitle(loop_title(only.margins), fontsize=9.0, x=0.01, ha="left")
+        name = "" if heave else f"{only.loop.motion} by the {grip}: "
+        figure.suptitle(name + loop_title(only.margins), fontsize=9.0, x=0.01, ha="left")
     return figure
+
+
+def _unit(loop: LoopModel | None) -> str:
+    return "rad/s²" if loop is not None and LoopSignals(input=loop.motion).rotates else "m/s²"
 
 
 def loop_title(margins: Margins) -> str:
@@ -154,18 +166,18 @@ def _decibel_limits(axes: Axes) -> None:
 
 def _dominant_mode(evaluation: Evaluation) -> str:
     """`3.75 Hz, 28 % damped`: the pair that dominates the lever's rotation."""
-    frequency_hz, damping = evaluation.pilot_model.dominant_pair()
+    frequency_hz, damping = evaluation.pilot_model.dominant_pair(evaluation.loop.output)
     return f"{frequency_hz:.2f} Hz, {100.0 * damping:.0f} % damped".replace("-", "−")
 
 
 def _mark_poles(axes: Axes, evaluation: Evaluation, color: str) -> None:
     """A cross on the curve at every oscillatory pole; a heavier one at the pair that dominates the lever's rotation."""
-    model = evaluation.pilot_model
-    dominant = model.dominant_pole()
+    model, loop = evaluation.pilot_model, evaluation.loop
+    dominant = model.dominant_pole(loop.output)
     for pole in model.poles[model.poles.imag > 0.0]:
         at_hz = abs(pole) / (2.0 * math.pi)
         if LOW_HZ <= at_hz <= HIGH_HZ:
-            height = 1e3 * abs(complex(model.grip_motion(abs(pole), washout=True)))
+            height = 1e3 * abs(loop.lever_length_m * complex(model.response(abs(pole), loop.output)))
             size, weight = (8, 2.2) if pole == dominant else (5, 1.2)
             axes.plot(at_hz, height, "x", color=color, markersize=size, markeredgewidth=weight)
 
@@ -213,6 +225,8 @@ def nyquist(pilots: Sequence[tuple[str, Evaluation]]) -> Figure:
     for axes, (label, evaluation), L, color in zip(panels, pilots, loci, LINE_COLORS, strict=False):
         _nyquist_panel(axes, evaluation.margins, grid_hz, L, reach, color)
         heading = ("stable" if evaluation.margins.stable else "UNSTABLE") + " closed loop"
+        ends = LoopSignals(evaluation.loop.motion, evaluation.loop.control)
+        heading += "" if ends.usual else f", {ends.words}"
         axes.set_title(f"{label}: {heading}" if label else heading)
     panels[0].set_ylabel("Im L")
     return figure

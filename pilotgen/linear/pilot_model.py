@@ -110,18 +110,18 @@ class PilotModel:
             if lam.imag >= 0.0
         ]
 
-    def terms(self) -> dict[str, Any] | None:
-        """The collective's response to the first input, without filters, as the terms that count; None without a sum.
+    def terms(self, output: int = 0) -> dict[str, Any] | None:
+        """The response of an output, the collective, to the first input, without filters, as the terms that count; None without a sum.
 
         H(s) = (direct + sum_k residues[k] / (s - poles[k])) / s^integrators, where a complex pole stands for its pair.
         Terms are left out, the smallest first, while all that are gone cannot change H by more than `_UNNOTICED` of its
         largest term on the imaginary axis. Numbers as JSON has them: [real, imaginary] in rad/s, and rad/s per m/s^2.
         """
         residues = self.residues
-        if residues is None or (self.tilt is not None and self.tilt[0, 0].any()):
+        if residues is None or (self.tilt is not None and self.tilt[output, 0].any()):
             return None
         counted = self.poles.imag >= 0.0
-        poles, factors = self.poles[counted], residues[0, counted, 0]
+        poles, factors = self.poles[counted], residues[output, counted, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             size = np.where(poles.imag > 0.0, 2.0, 1.0) * np.abs(factors) / np.abs(poles.real)
         order = np.argsort(size)
@@ -130,27 +130,27 @@ class PilotModel:
         return {
             "poles_rad_s": [[float(pole.real), float(pole.imag)] for pole in poles[kept]],
             "residues": [[float(factor.real), float(factor.imag)] for factor in factors[kept]],
-            "direct": float(self.D[0, 0]),
+            "direct": float(self.D[output, 0]),
             "integrators": self.integrators,
         }
 
-    def dominant_pole(self) -> complex:
-        """The oscillatory pole of largest residue in the collective [rad/s]; a real one if none oscillates.
+    def dominant_pole(self, output: int = 0) -> complex:
+        """The oscillatory pole of largest residue in an output [rad/s], the collective; a real one if none oscillates.
 
         EvaluationError if there is no pole.
         """
         if len(self.poles) == 0:
             raise EvaluationError("feedthrough", "the pilot has no mode: nothing moves, or only parts without mass")
         residues = self.residues
-        weight = np.ones(len(self.poles)) if residues is None else np.abs(residues[0, :, 0])
+        weight = np.ones(len(self.poles)) if residues is None else np.abs(residues[output, :, 0])
         oscillates = self.poles.imag > 0.0
         if oscillates.any():
             weight = np.where(oscillates, weight, -1.0)
         return complex(self.poles[int(np.argmax(weight))])
 
-    def dominant_pair(self) -> tuple[float, float]:
+    def dominant_pair(self, output: int = 0) -> tuple[float, float]:
         """Natural frequency [Hz] and damping ratio of the dominant pole."""
-        lam = self.dominant_pole()
+        lam = self.dominant_pole(output)
         return abs(lam) / (2.0 * np.pi), -lam.real / abs(lam)
 
     # ---- frequency response

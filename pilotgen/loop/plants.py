@@ -24,6 +24,7 @@ from pilotgen.linear.statespace import FloatArray
 from pilotgen.loop.loop_file import read_values
 from pilotgen.loop.rotorcraft_model import pade_delay
 from pilotgen.loop.units import CONTROLS, OUTPUT_FACTORS, POSITIVE
+from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
 from pilotgen.study.yaml_file import bundled
 
 _INPUT_UNITS = {"rad": 1.0, "deg": math.degrees(1.0), "percent": 1.0}  # per rad; percent stays percent of travel
@@ -85,13 +86,13 @@ class MatrixPlant:
 
 def bundled_plants() -> list[str]:
     """Names of the bundled plants of several inputs and outputs."""
-    return [name for name in _bundled() if name != "roll"]
+    return list(_bundled())
 
 
-def roll_rotorcraft() -> Mapping[str, Mapping[str, Any]]:
-    """Numbers of the roll-flap form by rotorcraft: tau_s, flap_1_s2, gearing_rad_per_m, delay_s, source."""
-    found: Mapping[str, Mapping[str, Any]] = _bundled()["roll"]
-    return found
+def roll_rotorcraft() -> Mapping[str, Rotorcraft]:
+    """The bundled rotorcraft of the roll-flap form, by name without `roll-`."""
+    named = {name.removeprefix("roll-"): name for name in bundled_rotorcraft() if name.startswith("roll-")}
+    return {short: load_rotorcraft(name) for short, name in named.items()}
 
 
 def _bundled() -> dict[str, Any]:

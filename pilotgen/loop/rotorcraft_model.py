@@ -1,4 +1,4 @@
-"""A rotorcraft as the loop sees it: blade pitch in, vertical acceleration of the seat out.
+"""A rotorcraft as the loop sees it: blade pitch of one control in, acceleration of the seat in one motion out.
 
 Anything with the members of `RotorcraftModel` closes a loop: the heave and coning model, a state space or transfer
 function of the user's (`PlantFile`), and either of them behind an actuator, a delay, a notch filter (`Chained`). Blade
@@ -10,6 +10,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from pathlib import Path
@@ -46,23 +47,47 @@ class RotorcraftModel(Protocol):
         """H(j omega) [m/s^2 per rad], omega in rad/s, any shape; delays exactly."""
 
 
-def rotorcraft_model(rotorcraft: Rotorcraft) -> RotorcraftModel:
-    """The dynamics of a study's rotorcraft.
+def rotorcraft_model(rotorcraft: Rotorcraft, motion: str = HEAVE, control: str = COLLECTIVE) -> RotorcraftModel:
+    """The dynamics of a study's rotorcraft in its loop: acceleration of the seat in `motion` by the pitch of `control`.
 
     Raises
     ------
     FileError
-        Its plant file cannot be read or is none.
+        Its plant file cannot be read, is none, or is of another loop.
     StudyError
         An inflow lead without an actuator: no proper model.
     """
     base: RotorcraftModel
-    if rotorcraft.frequency_response is not None:
-        base = MeasuredRotorcraft(read_frequency_response(Path(rotorcraft.frequency_response)))
+    if rotorcraft.roll is not None:
+        base = PlantFile(roll_model(rotorcraft.roll))
+    elif rotorcraft.frequency_response is not None:
+        base = MeasuredRotorcraft(read_frequency_response(Path(rotorcraft.frequency_response), motion, control))
+    elif rotorcraft.plant_file is not None:
+        base = read_plant(rotorcraft, motion, control)
     else:
-        base = HeaveModel(rotorcraft) if rotorcraft.plant_file is None else read_plant(rotorcraft)
+        base = HeaveModel(rotorcraft)
     parts = chain_of(rotorcraft)
     return Chained(base, parts, rotorcraft.delay_s) if parts is not None or rotorcraft.delay_s else base
+
+
+def roll_model(numbers: Mapping[str, Any]) -> StateSpaceModel:
+    """Roll with flapping: lateral blade pitch theta [rad] -> roll acceleration [rad/s^2], both right.
+
+    tau db = -b - tau p + theta, dp = L_b b: p/theta = (L_b/tau)/(s^2 + s/tau + L_b). A regressing lag mode, if there is
+    one, is a pair of zeros and one of poles beside it, one at low frequency.
+
+    Source: Heffley's hybrid form, as identified for the OH-58D.
+    """
+    tau, flap, lag = numbers["time_constant_s"], numbers["flap_1_s2"], numbers.get("lag")
+    A = np.array([[0.0, flap], [-1.0, -1.0 / tau]])
+    model = StateSpaceModel(A, np.array([0.0, 1.0 / tau]), np.array([0.0, flap]), 0.0)
+    if lag is None:
+        return model
+    top, bottom = (
+        [1.0 / w**2, 2.0 * lag[f"{part}_damping"] / w, 1.0]
+        for part, w in ((part, 2.0 * math.pi * lag[f"{part}_hz"]) for part in ("zero", "pole"))
+    )
+    return series(transfer_function(top, bottom), model)
 
 
 def chain_of(rotorcraft: Rotorcraft) -> StateSpaceModel | None:
@@ -217,7 +242,7 @@ def measured_part(model: RotorcraftModel) -> FrequencyResponse | None:
 
 @dataclass(frozen=True, eq=False)
 class PlantFile:
-    """A state space or transfer function of the user's."""
+    """A state space or transfer function: of a file, or of roll with flapping."""
 
     state_space: StateSpaceModel
 
@@ -234,12 +259,12 @@ class PlantFile:
 _STATED = ("input_unit", "input_positive", "input_control", "output_unit", "output_positive", "output_motion")
 
 
-def read_plant(rotorcraft: Rotorcraft) -> PlantFile:
+def read_plant(rotorcraft: Rotorcraft, motion: str = HEAVE, control: str = COLLECTIVE) -> PlantFile:
     """Read the file that a study names as `rotorcraft.state_space` or `rotorcraft.transfer_function`.
 
     The file is one that `pilotgen margins` reads (docs/io_formats/loop.md), as state space or transfer function, with
     the keys `input_unit` (rad, deg; of blade pitch), `output_unit` (m/s^2, g, ft/s^2) and `output_positive` (up, down),
-    none of which has a default.
+    none of which has a default; of another loop than heave by the collective with more of them (`units.py`).
 
     Raises
     ------
@@ -251,7 +276,7 @@ def read_plant(rotorcraft: Rotorcraft) -> PlantFile:
     path = Path(rotorcraft.plant_file or "")
     values = read_values(path)
     said = {key: _text(values.get(key)) for key in _STATED}
-    gain = stated_gain(said, HEAVE, COLLECTIVE, str(path), "a plant says it:")
+    gain = stated_gain(said, motion, control, str(path), "a plant says it:")
     found = read_loop(path).loop  # checked whole, whatever its form
     if isinstance(found, StateSpaceModel):
         model = found

@@ -95,12 +95,12 @@ def margin_words(name: str, value: float, at_hz: float | None = None) -> str:
 # ---- sentences
 
 
-def verdict(results: StudyResults, worst: int, rotorcraft: str) -> str:
-    """Who the worst pilot is, and what the loop does with them."""
+def verdict(results: StudyResults, worst: int, rotorcraft: str, control: str = "collective") -> str:
+    """Who the worst pilot is, and what the loop over a control does with them."""
     stable = results.columns["stable"][worst] == 1
     gain, phase = (margin_text(results, row.key, worst) for row in MARGINS)
     return (
-        f"The worst pilot has {pilot_text(results, worst)}. With this pilot at the collective of the {rotorcraft} "
+        f"The worst pilot has {pilot_text(results, worst)}. With this pilot at the {control} of the {rotorcraft} "
         f"the closed loop is {'stable' if stable else 'UNSTABLE'}: gain margin {gain}, phase margin {phase}."
     )
 

@@ -27,6 +27,7 @@ from pilotgen.report.others import Section
 from pilotgen.report.people import Known, page_data, script_text
 from pilotgen.report.story import loop_words, story
 from pilotgen.runs.results import DISTANCE, StudyResults
+from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.study import Study
 from pilotgen.summary import caveats
 
@@ -113,7 +114,7 @@ def render(
     }
     if worst is not None:
         content |= {
-            "verdict": findings.verdict(results, worst, study.rotorcraft.name),
+            "verdict": findings.verdict(results, worst, study.rotorcraft.name, study.loop.control),
             "nominal": _nominal_sentence(study, repeated),
             "rule": findings.how_far(results, worst, study.limits),
             "bounds": findings.rarity(study, results)
@@ -129,7 +130,7 @@ def render(
             "who": _front_ranges(results, front),
             "front_count": len(front),
             "table": _worst_table(results, order, solver),
-            "pictures": _pictures(results, study.limits, front, worst, repeated),
+            "pictures": _pictures(results, study.limits, front, worst, repeated, study.loop),
             "repeated": repeated,
             "worst_again": repeated.worst if repeated else None,
             "worst_failed": isinstance(repeated.worst, FailedEvaluation) if repeated else False,
@@ -174,9 +175,15 @@ def _picture(figure: Figure, alt: str, caption: str) -> Picture:
 
 
 def _pictures(
-    results: StudyResults, limits: study_figures.Limits, front: np.ndarray, worst: int, repeated: Repeated | None
+    results: StudyResults,
+    limits: study_figures.Limits,
+    front: np.ndarray,
+    worst: int,
+    repeated: Repeated | None,
+    ends: LoopSignals,
 ) -> dict[str, Picture]:
-    dark = "Darker markers are more prone to bounce; the ring is the worst pilot."
+    prone = "bounce" if ends.usual else "oscillation"
+    dark = f"Darker markers are more prone to {prone}; the ring is the worst pilot."
     pictures = {
         "individuals": _picture(
             study_figures.all_individuals(results, worst, limits),
@@ -222,7 +229,8 @@ def _pictures(
             pictures["bode"] = _picture(
                 loop_figures.bode(pilots),
                 f"Bode diagrams of the {names}",
-                "Biodynamic feedthrough (motion of the collective grip per seat acceleration, with washout) and loop.",
+                f"Biodynamic feedthrough (motion of the grip of the {ends.control} per acceleration of the seat in "
+                f"{ends.input}, with washout) and loop.",
             )
     return pictures
 
@@ -263,6 +271,7 @@ def _settings(study: Study, results: StudyResults, region: Region | None) -> lis
     said = [
         ("study", str(attributes["study_name"])),
         ("rotorcraft", study.rotorcraft.name),
+        ("loop", study.loop.words),
         (
             "pilot model",
             "multibody, generated decks" if study.pilot.model == "multibody" else "Mayo's transfer function",

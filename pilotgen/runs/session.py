@@ -259,6 +259,7 @@ def provenance(study: Study, kind: str, batch: Batch, seed: int, stopped_by: str
         "fingerprint": batch.fingerprint,
         "seed": seed,
         "study_name": study.name,
+        "loop": study.loop.words,
         "study_text": study.text,
         "stopped_by": stopped_by,
     }

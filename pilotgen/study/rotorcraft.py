@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
-from pilotgen.study.fields import REQUIRED, Mistake, Problems, Value, shown
+from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
+from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.reader import read_section
 from pilotgen.study.schema import SCHEMA, defaults, members
 from pilotgen.study.yaml_file import YamlDocument, bundled
@@ -28,9 +29,9 @@ _FILES = ("state_space", "transfer_function", "frequency_response")
 
 @dataclass(frozen=True)
 class Rotorcraft:
-    """What the dynamics of a rotorcraft are made of: symbols of the paper's Table 1, or a file; and what stands around.
+    """What the dynamics of a rotorcraft are made of: symbols of the paper's Table 1, a file, or roll with flapping.
 
-    The symbols are NaN where a file gives the dynamics.
+    And what stands around. The symbols are NaN where something else gives the dynamics.
     """
 
     mass_kg: float = math.nan
@@ -46,6 +47,7 @@ class Rotorcraft:
     state_space: str | None = None
     transfer_function: str | None = None
     frequency_response: str | None = None
+    roll: Mapping[str, Any] | None = None
     inflow_lead_rad_s: float | None = None
     delay_s: float = 0.0
     actuator: Mapping[str, Any] | None = None
@@ -75,7 +77,7 @@ class Rotorcraft:
         return plain
 
     def __post_init__(self) -> None:
-        if self.plant_file is not None:
+        if self.plant_file is not None or self.roll is not None:
             self._check_plant()
             return
         for key in HEAVE_NUMBERS:
@@ -97,9 +99,15 @@ class Rotorcraft:
             raise Mistake(
                 f"rotorcraft.{given[0]}",
                 getattr(self, given[0]),
-                "means nothing beside a file with the whole dynamics; remove it",
+                "means nothing beside a file with the whole dynamics; remove it"
+                if self.plant_file is not None
+                else "means nothing beside rotorcraft.roll; remove it",
             )
-        first, *others = [key for key in _FILES if getattr(self, key) is not None]
+        if self.roll is not None and self.inflow_lead_rad_s is not None:
+            raise Mistake(
+                "rotorcraft.inflow_lead_rad_s", self.inflow_lead_rad_s, "is of thrust, not of roll; remove it"
+            )
+        first, *others = [key for key in (*_FILES, "roll") if getattr(self, key) is not None]
         if others:
             raise Mistake(f"rotorcraft.{others[0]}", getattr(self, others[0]), f"and {first} exclude each other")
 
@@ -149,14 +157,38 @@ def rotorcraft_from(checked: str | Mapping[str, Any]) -> Rotorcraft:
     given: Mapping[str, Any] = (
         _checked(Value(bundled("rotorcraft"), (checked,))) if isinstance(checked, str) else checked
     )
-    for part in ("actuator", "notch", "low_pass", "sling"):
+    for part in ("actuator", "notch", "low_pass", "sling", "roll"):
         if given.get(part) is not None:
-            for key, path in members(f"rotorcraft.{part}").items():
-                if SCHEMA[path].default is REQUIRED and key not in given[part]:
-                    raise Mistake(f"rotorcraft.{part}", dict(given[part]), f"lacks {key}; give it as well")
-            given = {**given, part: {**defaults(f"rotorcraft.{part}"), **given[part]}}
+            given = {**given, part: _whole(f"rotorcraft.{part}", given[part])}
     files = {key: os.path.abspath(given[key]) for key in _FILES if given.get(key)}
     return Rotorcraft(**{**defaults("rotorcraft"), **given, **files})
+
+
+def check_rotorcraft(rotorcraft: Rotorcraft, loop: LoopSignals) -> None:
+    """Raise Mistake if a rotorcraft is not one of a study's loop."""
+    name, words = rotorcraft.name, loop.words
+    if rotorcraft.roll is not None and (loop.input, loop.output) != ("roll", "lateral"):
+        wanted = "give loop: {input: roll, output: lateral}"
+        raise Mistake("rotorcraft", name, f"rolls, and the loop is {words}; {wanted}")
+    if loop.usual:
+        return
+    if rotorcraft.roll is None and rotorcraft.plant_file is None:
+        other = ", a bundled roll-... or rotorcraft.roll" if loop.input == "roll" else ""
+        raise Mistake("rotorcraft", name, f"heaves by its collective; {words} needs a file of its dynamics{other}")
+    lead = rotorcraft.inflow_lead_rad_s
+    if lead is not None:
+        raise Mistake("rotorcraft.inflow_lead_rad_s", lead, f"is of thrust, not of {loop.input}; remove it")
+
+
+def _whole(path: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """A part with its defaults; Mistake if a number is missing."""
+    whole = {**defaults(path), **given}
+    for key, own in members(path).items():
+        if SCHEMA[own].default is REQUIRED and whole.get(key) is None:
+            raise Mistake(path, dict(given), f"lacks {key}; give it as well")
+        if isinstance(SCHEMA[own], Section) and whole.get(key) is not None:
+            whole[key] = _whole(own, whole[key])
+    return whole
 
 
 def _checked(value: Value) -> Any:

@@ -36,6 +36,7 @@ from pilotgen.study.fields import (
     bounds,
     did_you_mean,
 )
+from pilotgen.study.loop_section import LOOP_ROWS
 from pilotgen.study.population_section import population_rows, within_rows
 from pilotgen.study.seated_rows import SEATED_ROWS
 from pilotgen.study.uncertain_section import Groups, Objectives, uncertain_rows
@@ -79,7 +80,7 @@ SCHEMA: Mapping[str, Field] = {
     "rotorcraft": Section(
         words=lambda: tuple(bundled("rotorcraft").value),
         unknown=_rotor_speed_in_another_unit,
-        instead=("state_space", "transfer_function", "frequency_response"),
+        instead=("state_space", "transfer_function", "frequency_response", "roll"),
         meaning="a bundled rotorcraft, or a mapping with the symbols of its heave model or a file of its dynamics",
     ),
     "rotorcraft.mass_kg": Number(100.0, 100_000.0, "kg", hint="the total mass of the vehicle", meaning="total mass"),
@@ -117,6 +118,18 @@ SCHEMA: Mapping[str, Field] = {
     "rotorcraft.frequency_response": Text(
         default=None, null=True, meaning="CSV file with a frequency response, instead of the symbols"
     ),
+    "rotorcraft.roll": Section(
+        default=None,
+        null=True,
+        meaning="roll with flapping instead of the symbols",
+    ),
+    "rotorcraft.roll.time_constant_s": Number(0.005, 2.0, "s", meaning="time constant of flapping, tau"),
+    "rotorcraft.roll.flap_1_s2": Number(1.0, 1000.0, "1/s^2", meaning="roll acceleration per lateral flapping, L_b"),
+    "rotorcraft.roll.lag": Section(default=None, null=True, meaning="regressing lag mode: zeros and poles"),
+    "rotorcraft.roll.lag.pole_hz": Number(0.2, 20.0, "Hz", meaning="its natural frequency in the fixed frame"),
+    "rotorcraft.roll.lag.pole_damping": Number(0.001, 1.0, meaning="its damping ratio in the fixed frame"),
+    "rotorcraft.roll.lag.zero_hz": Number(0.2, 20.0, "Hz", meaning="of the zeros beside it"),
+    "rotorcraft.roll.lag.zero_damping": Number(0.0, 1.0, meaning="their damping ratio"),
     "rotorcraft.inflow_lead_rad_s": Number(
         1.0, 200.0, "rad/s", default=None, null=True, meaning="zero of the thrust's overshoot before the inflow follows"
     ),
@@ -141,6 +154,8 @@ SCHEMA: Mapping[str, Field] = {
     "rotorcraft.sling.damping_n_s_per_m": Number(0.0, 1e6, "N s/m", default=0.0, meaning="the same"),
     "rotorcraft.name": Text(default="rotorcraft of the study", meaning="what reports call it"),
     "rotorcraft.source": Text(default="study file", meaning="where the numbers are from"),
+    # ---- loop
+    **LOOP_ROWS,
     # ---- inceptor
     "inceptor": Section(meaning="the collective lever"),
     "inceptor.lever_length_m": Number(
@@ -151,8 +166,8 @@ SCHEMA: Mapping[str, Field] = {
         20.0,
         "rad/m",
         hint="rad of blade pitch per metre of grip travel; the Puma of the paper has 1.1",
-        meaning="blade pitch per metre of grip travel, G0; blade pitch per lever rotation is this times the lever "
-        "length",
+        meaning="blade pitch per metre of grip travel of the loop's control, G0; blade pitch per rotation is this "
+        "times the lever length, of the cyclic `cockpit.cyclic.length_m`",
     ),
     "inceptor.position": Number(
         0.0,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -22,9 +23,10 @@ from pilotgen.errors import StudyError
 from pilotgen.objectives import quantiles
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
 from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, Value, shown
+from pilotgen.study.loop_section import COLLECTIVE, LoopSignals, loop_from
 from pilotgen.study.population_section import check_within, population_from, within_from
 from pilotgen.study.reader import read_tree
-from pilotgen.study.rotorcraft import Rotorcraft, beside, rotorcraft_from
+from pilotgen.study.rotorcraft import Rotorcraft, beside, check_rotorcraft, rotorcraft_from
 from pilotgen.study.schema import (
     MAYO_PRESETS,
     OTHER_MASS,
@@ -109,6 +111,7 @@ class Study:
 
     name: str
     rotorcraft: Rotorcraft
+    loop: LoopSignals  # which motion of the seat, which control
     inceptor: Inceptor
     pilot: PilotSettings
     cockpit: CockpitNumbers
@@ -163,6 +166,8 @@ class Study:
             if found is None:  # a part that this study does not have: an actuator, what only some populations have
                 return None
             found = found.get(key)
+        if isinstance(found, float) and math.isnan(found):  # a symbol of a rotorcraft that is given otherwise
+            return None
         return found if index is None else found[index]
 
     def with_values(
@@ -313,6 +318,8 @@ class Study:
             "inceptor": dataclasses.asdict(self.inceptor),
             "rotorcraft": self.rotorcraft.determining(),
         }
+        if not self.loop.usual:
+            content["loop"] = dataclasses.asdict(self.loop)
         if self.pilot.model == MAYO:
             content["pilot"] = {key: pilot[key] for key in pilot if applies(f"pilot.{key}", MAYO)}
         else:
@@ -500,6 +507,7 @@ def _search(data: Mapping[str, Any]) -> SearchSettings:
 _MAKERS: Mapping[str, Callable[[Any], Any]] = {
     "study": lambda name: name,
     "rotorcraft": rotorcraft_from,
+    "loop": loop_from,
     "inceptor": lambda data: Inceptor(**{**defaults("inceptor"), **data}),
     "pilot": _pilot,
     "cockpit": cockpit_from,
@@ -518,6 +526,8 @@ def _check_together(study: Study) -> None:
     if not set(study.nominal) <= set(PILOT_VALUES[study.pilot.model]):
         raise Mistake("nominal", study.nominal, f"is no pilot of pilot.model = {study.pilot.model!r}")
     check_within(study.search.within, study.population, study.pilot.sex)
+    check_rotorcraft(study.rotorcraft, study.loop)
+    _check_pilot(study.pilot, study.loop)
     delay_s = study.pilot.reflex_delay_s
     if delay_s > 0.0 and study.pilot.projection == "literal":
         raise Mistake("pilot.reflex_delay_s", delay_s, "needs pilot.projection = 'exact'; eq. (31) knows no delay")
@@ -544,6 +554,22 @@ def check_uncertainty(study: Study) -> None:
     for name in variables:
         place = "uncertain.sets" if name in origin else f"uncertain.variables.{name}"
         _check_torso_number(study, name, origin.get(name, "a distribution"), place)
+
+
+def _check_pilot(pilot: PilotSettings, loop: LoopSignals) -> None:
+    """Raise Mistake if a pilot is not one of a study's loop."""
+    if loop.usual:
+        return
+    if pilot.model == MAYO:
+        raise Mistake("loop.input", loop.input, "needs pilot.model = 'multibody': Mayo's people moved in heave alone")
+    if loop.output != COLLECTIVE and "right" not in pilot.limbs:
+        wanted = "give [left, right]"
+        raise Mistake("pilot.limbs", list(pilot.limbs), f"lacks the right arm, which holds the cyclic; {wanted}")
+    if pilot.projection != "exact":
+        raise Mistake("pilot.projection", pilot.projection, f"knows heave alone; {loop.words} needs 'exact'")
+    late = pilot.reflex_delay_s
+    if late > 0.0:
+        raise Mistake("pilot.reflex_delay_s", late, f"is for heave by the collective, not for {loop.words}")
 
 
 _ONLY_WITH_SPRINGS = ("cockpit.seat.cushion", "cockpit.seat.back", "pilot.torso")

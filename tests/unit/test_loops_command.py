@@ -49,7 +49,7 @@ def test_roll(pilot: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert set(data["loops"]) == {"lateral"}
     assert main(arguments) == 0
     text = capsys.readouterr().out
-    assert "roll with flapping, uh60a (derived from Lp" in text and "all loops        disk margin" in text
+    assert "roll with flapping, uh60a (derived from the roll damping" in text and "all loops        disk margin" in text
 
 
 @pytest.mark.parametrize(

@@ -117,8 +117,9 @@ def test_another_seat() -> None:
 
 @pytest.mark.parametrize("name", list(roll_rotorcraft()))
 def test_roll_with_flapping(name: str) -> None:
-    numbers = roll_rotorcraft()[name]
-    tau, flap, delay = numbers["tau_s"], numbers["flap_1_s2"], numbers["delay_s"]
+    found = roll_rotorcraft()[name]
+    assert found.roll is not None
+    tau, flap, delay = found.roll["time_constant_s"], found.roll["flap_1_s2"], found.delay_s
     plant = roll_plant(tau, flap, delay, 0.6)
     s = 1j * OMEGA
     H = (
