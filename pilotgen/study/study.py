@@ -263,7 +263,8 @@ class Study:
             _check_whole(place.partition("[")[0], data, trees)
         rotorcraft = trees.get("rotorcraft")
         if isinstance(rotorcraft, dict) and rotorcraft["source"] == bases["rotorcraft"]["source"]:
-            others = [key for key, number in bases["rotorcraft"].items() if number != rotorcraft[key]]
+            before = bases["rotorcraft"]
+            others = [key for key, number in before.items() if number != rotorcraft[key] and number == number]
             rotorcraft["source"] += f"; changed: {', '.join(others)}" if others else ""
         changed = {_ATTRIBUTE.get(section, section): _MAKERS[section](tree) for section, tree in trees.items()}
         study = dataclasses.replace(self, **changed)
