@@ -278,6 +278,8 @@ def check_study(study: Study) -> None:
     name = study.path or study.name
     if study.pilot.model != "multibody":
         raise StudyError(f"{name}: pilot.model = {study.pilot.model!r} has no deck; use a multibody pilot")
+    if not study.loop.usual:
+        raise StudyError(f"{name}: loop = {study.loop.words}: the deck of a closed loop is heave by the collective")
     if study.pilot.projection != "exact":
         raise StudyError(f"{name}: pilot.projection = 'literal' is a formula that no deck obeys; use exact")
     if study.pilot.reflex_delay_s > 0.0:

@@ -111,7 +111,7 @@ class PilotModel:
         ]
 
     def terms(self, output: int = 0) -> dict[str, Any] | None:
-        """The response of an output, the collective, to the first input, without filters, as the terms that count; None without a sum.
+        """Response of an output to the first input, without filters, as the terms that count; None without a sum.
 
         H(s) = (direct + sum_k residues[k] / (s - poles[k])) / s^integrators, where a complex pole stands for its pair.
         Terms are left out, the smallest first, while all that are gone cannot change H by more than `_UNNOTICED` of its

@@ -27,6 +27,7 @@ from pilotgen.posture.posture import ANGLE_NAMES
 from pilotgen.report.packing import embedded, pack_short, pack_text, pack_wide
 from pilotgen.report.skeleton import skeleton_of
 from pilotgen.runs.results import Row, StudyResults, columns_of
+from pilotgen.study.loop_section import COLLECTIVE
 from pilotgen.study.schema import MAYO_PRESETS
 from pilotgen.study.study import Study
 
@@ -264,7 +265,8 @@ def _plants(study: Study, results: StudyResults, count: int) -> dict[str, Any]:
 
 def _plant(study: Study) -> dict[str, Any]:
     """Blade pitch to the seat's acceleration: a state space, a measured response behind it, and an exact delay."""
-    model = rotorcraft_model(study.rotorcraft)
+    ends = study.loop
+    model = rotorcraft_model(study.rotorcraft, ends.input, ends.output)
     delay_s, system, measured = 0.0, None, measured_part(model)
     if isinstance(model, Chained):  # the page has its delay exactly, not as a rational function
         delay_s, system = model.delay_s, model.parts
@@ -272,22 +274,25 @@ def _plant(study: Study) -> dict[str, Any]:
     if measured is None:
         system = model.state_space if system is None else series(system, model.state_space)
     inceptor = study.inceptor
+    length = inceptor.lever_length_m if ends.output == COLLECTIVE else float(study.cockpit["cyclic"]["length_m"])
     plant: dict[str, Any] = {
         "A": [], "B": [], "C": [], "D": 1.0, "spline": None,
-        "delay_s": delay_s, "gain": -inceptor.gearing_rad_per_m * inceptor.lever_length_m,
-        "lever_length_m": inceptor.lever_length_m, "washout_rad_s": study.pilot.washout_rad_s,
+        "delay_s": delay_s, "gain": -inceptor.gearing_rad_per_m * length,
+        "lever_length_m": length, "washout_rad_s": study.pilot.washout_rad_s,
     }  # fmt: skip
     if system is not None:
         plant |= {name: getattr(system, name).tolist() for name in "ABC"} | {"D": float(system.D)}
     if measured is not None:
-        ends, pieces = measured.pieces
-        plant["spline"] = {"ends": ends.tolist(), "pieces": pieces.ravel().tolist()}
+        edges, pieces = measured.pieces
+        plant["spline"] = {"ends": edges.tolist(), "pieces": pieces.ravel().tolist()}
     return plant
 
 
 def _references(study: Study) -> list[dict[str, Any]]:
-    """Mayo's two pilots at the same lever."""
-    found = []
+    """Mayo's two pilots at the same lever; nobody where the loop is not heave by the collective."""
+    found: list[dict[str, Any]] = []
+    if not study.loop.usual:
+        return found
     for name, values in MAYO_PRESETS.items():
         model = mayo_pilot(
             values["pilot_frequency_hz"], values["pilot_damping"], values["pilot_time_constant_s"],

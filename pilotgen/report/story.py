@@ -28,8 +28,9 @@ class LoopWords:
 
 def loop_words(study: Study) -> LoopWords:
     """The words of the loop that a study closes."""
-    name = str(getattr(study, "loop", "") or "heave")
-    return LoopWords("vertical acceleration", "collective grip") if name == "heave" else LoopWords(name, "stick")
+    ends = study.loop
+    motion = "vertical acceleration" if ends.usual else f"{ends.input} acceleration"
+    return LoopWords(motion, f"{ends.control} grip")
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from pilotgen.commands.pilot import summary
 from pilotgen.errors import FileError, PilotgenError, StudyError
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures.loop import bode, nyquist
-from pilotgen.linear.imposed_motion import Channels, full_order_response, split
+from pilotgen.linear.full_order import full_order_response
+from pilotgen.linear.imposed_motion import Channels, split
 from pilotgen.loop.frequency_file import read_frequency_response
 from pilotgen.loop.loop import heave_loop
 from pilotgen.loop.plants import roll_rotorcraft
