@@ -27,7 +27,7 @@ def usual_loop(rotorcraft: Rotorcraft) -> LoopSignals:
 def describe(rotorcraft: Rotorcraft, ends: LoopSignals | None = None) -> str:
     """Poles and numbers of a rotorcraft in a loop; FileError if its file cannot be read."""
     symbols = rotorcraft.plant_file is None and rotorcraft.roll is None
-    around = rotorcraft.delay_s or any((rotorcraft.actuator, rotorcraft.notch, rotorcraft.sling))
+    around = rotorcraft.delay_s or any((rotorcraft.actuator, rotorcraft.notch, rotorcraft.low_pass, rotorcraft.sling))
     if symbols and not around:
         return rotorcraft_report(rotorcraft)
     ends = ends or usual_loop(rotorcraft)
