@@ -42,6 +42,7 @@ COMMANDS = (
     "calibrate",
     "identify",
     "report",
+    "view",
     "table",
     "status",
     "check",

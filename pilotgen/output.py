@@ -36,6 +36,7 @@ SHOWN = 3  # names that a message lists
 REPORT_FILES = ("report.html", "study.yaml", "front", "front/*")
 STUDY_FILES = ("study.h5", "study.h5.old-*", "journal.sqlite*", *REPORT_FILES)
 STUDY_KINDS = ("search", "sample", "population", "sensitivity")
+PAGES = ("report", "view")  # commands that add pages to what another command left
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def claimed(
         try:
             name = kind if before.mark is None else before.mark.kind
             _write_mark(directory, Mark(name, False, before.hashes, tuple(sorted(others))))
-            if kind not in (*STUDY_KINDS, "report"):
+            if kind not in (*STUDY_KINDS, *PAGES):
                 _remove_own(directory, before.hashes)
             yield directory
         except BaseException:
@@ -171,13 +172,14 @@ class _Contents:
         if self.mark is None:
             self.refuse_strangers(kind, resume)
             return set()
-        is_study, was_study = kind in (*STUDY_KINDS, "report"), self.mark.kind in STUDY_KINDS
+        is_study, was_study = kind in (*STUDY_KINDS, *PAGES), self.mark.kind in STUDY_KINDS
         if was_study and is_study and not resume:
             raise FileError(
                 f"{self.directory} already holds a study; add --resume to go on with it (finished evaluations are "
                 f"kept), or choose another output directory, or add --overwrite, which moves this one aside"
             )
-        if self.mark.kind != kind and not (kind == "report" and was_study):
+        of_pilot = kind == "view" and self.mark.kind == "pilot"
+        if self.mark.kind != kind and not (kind in PAGES and was_study) and not of_pilot:
             what = "already holds a study" if was_study else f"holds what `pilotgen {self.mark.kind}` wrote"
             raise FileError(f"{self.directory} {what}; {_WAY_OUT}")
         if self.mark.complete:

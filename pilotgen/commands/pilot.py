@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
 WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png", "uncertain.json",
-          "uncertain.csv", "uncertain-*.png")  # fmt: skip
+          "uncertain.csv", "uncertain-*.png", "study.yaml", "pilot.html")  # fmt: skip
 DRAWS = 200  # of --uncertain
 
 MOST_POLES, POLES_BELOW_HZ = 6, 10.0  # that a summary shows; result.json has all
@@ -38,7 +38,8 @@ def add_parser(commands: Any) -> None:
         "evaluate one pilot",
         "Evaluate one pilot of a study (its nominal values unless --set says otherwise). Leaves the decks, "
         "matrices.h5, "
-        "result.json, pilot_model.h5 and Bode and Nyquist figures in DIR and prints a short summary. With --uncertain: "
+        "result.json, pilot_model.h5, figures and pilot.html, which shows him, in DIR and prints a short summary. "
+        "With --uncertain: "
         "how his margins spread over what the study's section uncertain does not know of him.",
         "pilotgen pilot docs/studies/puma-bmi.yaml -o results/tall --set stature_m=1.95 bmi=28",
         json_help="print the result object instead of the summary",
@@ -60,7 +61,7 @@ def add_parser(commands: Any) -> None:
         "--workers", metavar="N", type=common.positive_int, default=None, help="processes of --uncertain (default: one "
         "per core)",
     )  # fmt: skip
-    parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
+    parser.add_argument("--no-figures", action="store_true", help="do not draw figures, nor write pilot.html")
     parser.set_defaults(run=run)
 
 
@@ -104,9 +105,12 @@ def run(args: argparse.Namespace) -> int:
             draw_pilot(outcome, directory)
             if drawn:
                 draw_uncertain(drawn, directory)
+            from pilotgen.report.view import write_pilot_page
+
+            write_pilot_page(directory, context, outcome, content, args.solver)
         if not args.json:
             kinds = ["decks", "matrices"] if study.pilot.model == "multibody" else []
-            kinds += [] if args.no_figures else ["figures"]
+            kinds += [] if args.no_figures else ["figures", "pilot.html"]
             kinds += ["uncertain.json", "uncertain.csv"] if drawn else []
             print(f"{', '.join([*kinds, 'pilot_model.h5'])} and result.json are in {directory}")
         if args.fail_below:

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pilotgen.errors import PilotgenError
+
+if TYPE_CHECKING:
+    import jinja2
 
 DATA = Path(__file__).parent.parent / "data"
 VENDOR, OWN = DATA / "vendor", DATA / "report"
@@ -17,6 +21,18 @@ SCRIPTS = (
     "decks.js", "main.js",
 )  # fmt: skip
 _LICENSES = {"uPlot": "LICENSE-uPlot", "three": "LICENSE-three"}
+
+
+@functools.cache
+def template(name: str) -> jinja2.Template:
+    """A page's template, by its file below `pilotgen/data`."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(DATA), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    return environment.get_template(name)
 
 
 @functools.cache

@@ -16,7 +16,8 @@ from typing import Any
 from pilotgen.errors import FileError
 from pilotgen.objectives import GAIN_MARGIN, OBJECTIVES
 from pilotgen.population.shares import Share
-from pilotgen.population.tally import sentences
+from pilotgen.population.tally import sentences as people_told
+from pilotgen.uncertain.spread import sentences as draws_told
 
 MOST_PICTURES = 4  # of a directory
 PICTURE_BYTES = 400_000  # of one; a larger one stays where it is
@@ -73,7 +74,7 @@ def _population(directory: Path, source: str, content: Mapping[str, Any]) -> Sec
     share = content["shares"].get(GAIN_MARGIN.key) or content["shares"]["any"]
     answer = f"{Share(share['count'], share['of']).text()} of {content['name']}"
     return Section(
-        "population", "How many people", source, tuple(sentences(content)), answer, None, _pictures(directory)
+        "population", "How many people", source, tuple(people_told(content)), answer, None, _pictures(directory)
     )
 
 
@@ -112,15 +113,25 @@ def _told(kind: str, title: str) -> Callable[[Path, str, Mapping[str, Any]], Sec
     return make
 
 
+def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+    told, row = tuple(draws_told(content)), GAIN_MARGIN
+    ends = [content["margins"][row.key]["quantiles"][q]["value"] for q in ("0.05", "0.95")]
+    known = ends[0] is not None and ends[1] is not None
+    answer = f"{row.label} {ends[0]:.{row.digits}f} to {row.text(ends[1])} (9 of 10)" if known else ""
+    return Section(
+        "uncertainty", "What is not known of him", source, told, answer, None, _pictures(directory, "uncertain*")
+    )
+
+
 def _identification(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
     told = str(content.get("sentence") or "One pilot's feedthrough by every method, side by side: see the figure.")
     return Section("identification", "Identification", source, (told,), "", None, _pictures(directory))
 
 
-def _pictures(directory: Path) -> tuple[Picture, ...]:
+def _pictures(directory: Path, names: str = "*") -> tuple[Picture, ...]:
     """PNG figures of a directory, the first few that are not too large."""
     found = []
-    for path in sorted(directory.glob("*.png"))[:MOST_PICTURES]:
+    for path in sorted(directory.glob(f"{names}.png"))[:MOST_PICTURES]:
         data = path.read_bytes()
         if data[:4] == b"\x89PNG" and len(data) <= PICTURE_BYTES:
             words = path.stem.replace("_", " ").replace("-", " ")
@@ -133,6 +144,6 @@ _READERS: Mapping[str, Callable[[Path, str, Mapping[str, Any]], Section]] = {
     "population.json": _population,
     "sensitivity.json": _sensitivity,
     "cures.json": _told("cures", "What would cure it"),
-    "uncertain.json": _told("uncertainty", "What is not known of him"),
+    "uncertain.json": _uncertain,
     "results.json": _identification,
 }

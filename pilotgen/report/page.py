@@ -5,11 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import base64
-import functools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,14 +13,15 @@ import numpy as np
 from pilotgen.evaluation import Evaluation, FailedEvaluation
 from pilotgen.figures import loop as loop_figures
 from pilotgen.figures import study as study_figures
-from pilotgen.figures.style import png, quantity, typeset
+from pilotgen.figures.style import quantity, typeset
 from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
 from pilotgen.population.region import Region, beyond, one_in, region_of
 from pilotgen.report import findings
-from pilotgen.report.assets import script_texts, style_text
+from pilotgen.report.assets import script_texts, style_text, template
 from pilotgen.report.findings import replay, typeset_number
 from pilotgen.report.others import Section
 from pilotgen.report.people import Known, page_data, script_text
+from pilotgen.report.stills import Still, still
 from pilotgen.report.story import loop_words, story
 from pilotgen.runs.results import DISTANCE, StudyResults
 from pilotgen.study.loop_section import LoopSignals
@@ -32,16 +29,12 @@ from pilotgen.study.study import Study
 from pilotgen.summary import caveats
 
 if TYPE_CHECKING:
-    import jinja2
-    from matplotlib.figure import Figure
-
     from pilotgen.report.decks import FrontDecks
     from pilotgen.report.repeated import Repeated
 
 TEMPLATE = "report.html.j2"
 STUDY_FILE = "study.yaml"  # beside the report, so that its commands hold wherever the directory goes
 TABLE_ROWS = 10
-PIXELS_PER_INCH = 106  # CSS pixels: a figure of the page's width fills the page
 # columns of study.h5 shown beside the searched variables, where they were computed: heading, digits
 DERIVED = {
     "mass_kg": ("mass [kg]", 1),
@@ -49,27 +42,6 @@ DERIVED = {
     "pilot_frequency_hz": ("pilot mode [Hz]", 2),
     "pilot_damping": ("its damping", 2),
 }
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure of the page."""
-
-    data: str  # base64 of a PNG
-    width_px: int  # on a screen; figures keep their letters at one size
-    alt: str
-    caption: str
-
-
-@functools.cache
-def _template() -> jinja2.Template:
-    import jinja2
-
-    loader = jinja2.FileSystemLoader(Path(__file__).parent.parent / "data")
-    environment = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.get_template(TEMPLATE)
 
 
 def render(
@@ -140,7 +112,7 @@ def render(
             "story": story(study, results, worst, repeated, others),
             **_live(study, results, order, front, rows, repeated, known, solver),
         }
-    return _template().render(content, quantity=quantity)
+    return template(TEMPLATE).render(content, quantity=quantity)
 
 
 def _live(
@@ -169,11 +141,6 @@ def _live(
 # ---- figures
 
 
-def _picture(figure: Figure, alt: str, caption: str) -> Picture:
-    width_px = round(PIXELS_PER_INCH * float(figure.get_size_inches()[0]))
-    return Picture(base64.b64encode(png(figure)).decode("ascii"), width_px, alt, caption)
-
-
 def _pictures(
     results: StudyResults,
     limits: study_figures.Limits,
@@ -181,33 +148,33 @@ def _pictures(
     worst: int,
     repeated: Repeated | None,
     ends: LoopSignals,
-) -> dict[str, Picture]:
+) -> dict[str, Still]:
     prone = "bounce" if ends.usual else "oscillation"
     dark = f"Darker markers are more prone to {prone}; the ring is the worst pilot."
     pictures = {
-        "individuals": _picture(
+        "individuals": still(
             study_figures.all_individuals(results, worst, limits),
             "every evaluated pilot over the searched variables",
             f"Every evaluated pilot. {dark}",
         ),
-        "plane": _picture(
+        "plane": still(
             study_figures.objective_plane(results, front, worst, limits),
             "gain margin against phase margin of every pilot, with the Pareto front",
             _plane_caption(results),
         ),
-        "curves": _picture(
+        "curves": still(
             study_figures.margin_curves(results, repeated.curves if repeated else (), worst, limits),
             "gain and phase margin of every pilot against each searched variable",
             _curves_caption(bool(len(results.members)), repeated is not None),
         ),
     }
     if len(results.members):
-        pictures["populations"] = _picture(
+        pictures["populations"] = still(
             study_figures.populations(results, worst, limits),
             "the first and the last population over the searched variables",
             f"The population at the start and at the end. {dark}",
         )
-        pictures["convergence"] = _picture(
+        pictures["convergence"] = still(
             study_figures.convergence(results, limits),
             "smallest and median margins of the population against the generation",
             "The population's margins from generation to generation.",
@@ -220,13 +187,13 @@ def _pictures(
         ]
         if pilots:
             names = " and ".join(name for name, _ in pilots)
-            pictures["nyquist"] = _picture(
+            pictures["nyquist"] = still(
                 loop_figures.nyquist(pilots),
                 f"Nyquist curves of the {names}",
                 "Nyquist curves around the critical point −1 (+). Grey markers: crossings that do not set a margin; "
                 "pale curve: ω < 0.",
             )
-            pictures["bode"] = _picture(
+            pictures["bode"] = still(
                 loop_figures.bode(pilots),
                 f"Bode diagrams of the {names}",
                 f"Biodynamic feedthrough (motion of the grip of the {ends.control} per acceleration of the seat in "

@@ -161,7 +161,7 @@ def page_data(
         "references": _references(study),
         "skeletons": {"structure": again.structure, "each": again.skeletons} if again.structure else NOT_A_NUMBER,
         "decks": again.decks,
-        "command": {"study": study_file, "solver": solver},
+        "command": {"study": study_file, "solver": solver, "more": []},
     }
 
 

@@ -97,7 +97,7 @@ def coarse_pictures() -> Iterator[None]:
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made but not drawn: these tests read the text."""
     pixel = base64.b64decode(PIXEL)
-    monkeypatch.setattr("pilotgen.report.page.png", lambda figure: pixel)
+    monkeypatch.setattr("pilotgen.report.stills.png", lambda figure: pixel)
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,13 @@ pilotgen.chart = (() => {
   function chart(host, options) {
     const area = pilotgen.text.element("div", { class: "plot" });
     host.append(area);
-    let zoomed = null;
+    let zoomed = null, box = null, u = null;
 
-    const range = (name) => (zoomed ? zoomed[name] : options[name].range());
+    function measure() {
+      const found = zoomed || { x: options.x.range(), y: options.y.range() };
+      box = options.square && u ? squared(found) : found;
+    }
+    const range = (name) => { if (!box) measure(); return box[name]; };
     const axis = (name) => ({
       scale: name,
       label: options[name].label(),
@@ -28,7 +32,7 @@ pilotgen.chart = (() => {
     const scale = (name) => ({ time: false, auto: false, distr: options[name].log ? 3 : 1, range: () => range(name) });
     const size = () => ({ width: Math.max(area.clientWidth, 180), height: Math.max(area.clientHeight, 160) });
 
-    const u = new uPlot({
+    u = new uPlot({
       ...size(),
       legend: { show: false },
       scales: { x: scale("x"), y: scale("y") },
@@ -65,21 +69,23 @@ pilotgen.chart = (() => {
       const { left, top, width, height } = u.select;
       u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
       if (width < 6 && height < 6) return;
-      const box = { x: [u.posToVal(left, "x"), u.posToVal(left + width, "x")], y: [u.posToVal(top + height, "y"), u.posToVal(top, "y")] };
-      if (width < 6) box.x = range("x");
-      if (height < 6) box.y = range("y");
-      zoomed = box;
+      const chosen = { x: [u.posToVal(left, "x"), u.posToVal(left + width, "x")], y: [u.posToVal(top + height, "y"), u.posToVal(top, "y")] };
+      if (width < 6) chosen.x = range("x");
+      if (height < 6) chosen.y = range("y");
+      zoomed = chosen;
       refresh();
     }
 
-    function squared(box) {
+    // the same length of a unit along both axes
+    function squared({ x, y }) {
       const wide = u.over.clientWidth || 1, high = u.over.clientHeight || 1;
-      const unit = Math.max((box.x[1] - box.x[0]) / wide, (box.y[1] - box.y[0]) / high);
+      const unit = Math.max((x[1] - x[0]) / wide, (y[1] - y[0]) / high);
       const about = (pair, span) => [(pair[0] + pair[1] - span) / 2, (pair[0] + pair[1] + span) / 2];
-      return { x: about(box.x, unit * wide), y: about(box.y, unit * high) };
+      return { x: about(x, unit * wide), y: about(y, unit * high) };
     }
 
-    function paint() {
+    function paint(self) { // uPlot paints for the first time before it is known here
+      u = self;
       const { ctx } = u;
       ctx.save();
       ctx.beginPath();
@@ -90,8 +96,7 @@ pilotgen.chart = (() => {
     }
 
     function refresh() {
-      let box = { x: range("x"), y: range("y") };
-      if (options.square) box = squared(box);
+      measure();
       u.axes.forEach((one, k) => { one.label = options["xy"[k]].label(); });
       u.batch(() => {
         u.setScale("x", { min: box.x[0], max: box.x[1] });

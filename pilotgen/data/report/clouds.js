@@ -152,7 +152,8 @@ pilotgen.clouds = (() => {
     const limit = () => (column.limit === null || column.limit === undefined ? [] : [column.limit]);
     const view = pilotgen.chart.chart(host, {
       x: { label: () => text.axis(column), range: () => {
-        const ends = [low, low + width * bins.length, ...limit()];
+        const every = [...column.values.subarray(0, model.data.count)].filter(Number.isFinite);
+        const ends = [low, low + width * bins.length, every.reduce((a, b) => Math.min(a, b), low), ...limit()];
         const [a, b] = [Math.min(...ends), Math.max(...ends)];
         return [a - 0.03 * (b - a), b + 0.03 * (b - a)];
       } },

@@ -28,7 +28,7 @@ pilotgen.decks = (() => {
       return;
     }
     const children = [];
-    if (own.path) children.push(text.element("p", {}, "His decks, matrices and result: ", text.element("a", { href: own.path }, own.path.replace(/[^/]*$/, ""))));
+    if (own.path) children.push(text.element("p", {}, "His decks: ", text.element("a", { href: own.path }, own.path.replace(/[^/]*$/, "") || own.path)));
     if (own.text) {
       const details = text.element("details", { "data-pilot": state.pilot }, text.element("summary", {}, `text of ${own.name}`));
       details.addEventListener("toggle", async () => {

@@ -60,6 +60,7 @@ pilotgen.text = (() => {
   function name(pilot) {
     const { data } = pilotgen.model;
     if (pilot === data.nominal) return "nominal pilot";
+    if (data.count === 1) return "this pilot";
     const place = data.order.indexOf(pilot);
     return place === 0 ? "worst pilot" : `pilot ${pilot + 1} (${place + 1} of ${data.order.length} from the worst)`;
   }

@@ -26,9 +26,9 @@ pilotgen.tables = (() => {
   }
 
   function command(pilot) {
-    const { study, solver } = model.data.command;
-    const settings = model.columns.filter((column) => column.role === "variable")
-      .map((column) => quoted(`${column.key}=${Number.isInteger(column.values[pilot]) ? column.values[pilot].toFixed(1) : column.values[pilot]}`));
+    const { study, solver, more } = model.data.command;
+    const settings = more.map(quoted).concat( model.columns.filter((column) => column.role === "variable")
+      .map((column) => quoted(`${column.key}=${Number.isInteger(column.values[pilot]) ? column.values[pilot].toFixed(1) : column.values[pilot]}`)));
     const other = solver === "mbdae" ? "" : ` --solver ${solver}`;
     const all = pilot === model.data.nominal ? "" : ` --set ${settings.join(" ")}`;
     return `pilotgen pilot ${quoted(study)} -o replay${other}${all}`;
