@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 FILETYPE = "pilotgen pilot model"
 VERSION = (2, 0)
-_UNNOTICED = 1e-7  # of the largest term: what terms of a response may be left out
+_UNNOTICED = 1e-9  # of the largest term: what terms of a response may be left out
 INPUT_NAME = "seat_heave_acceleration"
 GRIP_OUTPUT = "grip_motion"
 
@@ -116,9 +116,10 @@ class PilotModel:
         H(s) = (direct + sum_k residues[k] / (s - poles[k])) / s^integrators, where a complex pole stands for its pair.
         Terms are left out, the smallest first, while all that are gone cannot change H by more than `_UNNOTICED` of its
         largest term on the imaginary axis. Numbers as JSON has them: [real, imaginary] in rad/s, and rad/s per m/s^2.
+        Rotations of the seat have a `tilt` as well, (tilt[0] + tilt[1] s) / s^2, which comes after the washout.
         """
         residues = self.residues
-        if residues is None or (self.tilt is not None and self.tilt[output, 0].any()):
+        if residues is None:
             return None
         counted = self.poles.imag >= 0.0
         poles, factors = self.poles[counted], residues[output, counted, 0]
@@ -132,6 +133,7 @@ class PilotModel:
             "residues": [[float(factor.real), float(factor.imag)] for factor in factors[kept]],
             "direct": float(self.D[output, 0]),
             "integrators": self.integrators,
+            **({} if self.tilt is None or not self.tilt[output, 0].any() else {"tilt": self.tilt[output, 0].tolist()}),
         }
 
     def dominant_pole(self, output: int = 0) -> complex:

@@ -134,6 +134,7 @@ def _live(
         "scripts": script_texts(solid),
         "solid": solid,
         "many": len(order) > 2,
+        "references": bool(data["references"]),
         "loop_words": loop_words(study),
     }
 

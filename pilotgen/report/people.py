@@ -47,6 +47,7 @@ _DERIVED: Mapping[str, tuple[str, str, int]] = {
     "pilot_frequency_hz": ("frequency of the dominant mode", "Hz", 2),
     "pilot_damping": ("damping of the dominant mode", "", 3),
     "grip_motion_3hz_mm_per_m_s2": ("grip motion at 3 Hz", "mm per m/s²", 2),
+    "grip_motion_3hz_mm_per_rad_s2": ("grip motion at 3 Hz", "mm per rad/s²", 2),
     "largest_activation": ("largest activation", "", 3),
     "certificate": ("certificate of the feedthrough", "", 12),
     **{name: (label, "deg", 1) for name, label in ANGLE_NAMES.items()},
@@ -153,11 +154,7 @@ def page_data(
         "nominal": count if nominal is not None else NOT_A_NUMBER,
         "terms": _packed_terms(terms),
         "plants": _plants(study, results, len(terms)),
-        "loop": {
-            "washout_rad_s": study.pilot.washout_rad_s,
-            "lever_length_m": study.inceptor.lever_length_m,
-            "gearing_rad_per_m": study.inceptor.gearing_rad_per_m,
-        },
+        "loop": {"motion": study.loop.input, "per": "rad/s²" if study.loop.rotates else "m/s²"},
         "references": _references(study),
         "skeletons": {"structure": again.structure, "each": again.skeletons} if again.structure else NOT_A_NUMBER,
         "decks": again.decks,
@@ -225,7 +222,7 @@ def _packed_terms(terms: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
     """
     counts: list[list[int]] = []
     numbers: list[float] = []
-    common: dict[str, Any] = {"direct": {}, "integrators": 0}
+    common: dict[str, Any] = {"direct": {}, "tilt": {}, "integrators": 0}
     for k, one in enumerate(terms):
         if one is None:
             counts.append([0, 0])
@@ -238,6 +235,8 @@ def _packed_terms(terms: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
         numbers += [value for pole, residue in real for value in (pole[0], residue[0])]
         if one["direct"]:
             common["direct"][str(k)] = one["direct"]
+        if "tilt" in one:
+            common["tilt"][str(k)] = one["tilt"]
         common["integrators"] = one["integrators"]
     return {"counts": [value for pair in counts for value in pair], "data": pack_short(numbers), **common}
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pilotgen.anthropometry.arm import SUFFIX, Limb
-from pilotgen.evaluation import Evaluation, SolvedPilot
+from pilotgen.evaluation import Evaluation
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS
 from pilotgen.linear.modal import modes
 from pilotgen.posture.seated_torso import placed_points
@@ -57,7 +57,9 @@ class Skeleton:
         0 to 1.
     shapes : ndarray of complex, shape (1 + f, k, 6)
         Motion of each node relative to the seat, displacements [m] and rotations [rad]: first the dominant mode, scaled
-        so that the lever's grip moves 1 m; then the response at `SHAPES_HZ` to 1 m/s^2 of the seat.
+        so that the grip of the loop's control moves 1 m; then the response at `SHAPES_HZ` to 1 m/s^2 of the seat.
+    axis : int
+        Along which the seat moves: 0, 1, 2 for x, y, z.
     sizes : dict
         Numbers for what has no node: stature, hip breadth [m], the seat back's angle [deg], the seat's place x, y [m].
     """
@@ -72,6 +74,7 @@ class Skeleton:
     muscle_m: np.ndarray
     activation: np.ndarray
     shapes: np.ndarray
+    axis: int
     sizes: dict[str, Any]
 
     def structure(self) -> dict[str, Any]:
@@ -82,7 +85,8 @@ class Skeleton:
             "carriers": list(self.carriers),
             "muscles": list(self.muscles),
             "ends": self.ends.tolist(),
-            "shapes_hz": list(SHAPES_HZ),
+            "shapes_hz": list(SHAPES_HZ[: len(self.shapes) - 1]),
+            "axis": self.axis,
         }
 
     def packed(self) -> dict[str, Any]:
@@ -136,7 +140,8 @@ def skeleton_of(evaluation: Evaluation) -> Skeleton | None:
         point_m=np.array([place for _, _, place in points]),
         muscle_m=np.array(muscle_m).reshape(-1, 2, 3),
         activation=np.asarray(pilot.matrices.muscles.activation),
-        shapes=_shapes(evaluation, pilot, nodes),
+        shapes=_shapes(evaluation, nodes),
+        axis=int(np.argmax(np.abs(SEAT_MOTIONS[evaluation.loop.motion].axis))),
         sizes={
             "stature_m": pilot.biometrics.stature_m,
             "hip_breadth_m": pilot.body.hip_breadth_sitting_m,
@@ -163,26 +168,34 @@ def _arm_points(limb: Limb, places: dict[str, Any], index: dict[str, int]) -> li
     ]
 
 
-def _shapes(evaluation: Evaluation, pilot: SolvedPilot, nodes: tuple[str, ...]) -> np.ndarray:
-    """Motion of the nodes relative to the seat, shape (1 + f, k, 6); zero where the model has no basis of modes."""
-    model = evaluation.pilot_model
-    found = np.zeros((1 + len(SHAPES_HZ), len(nodes), len(_PARTS)), dtype=np.complex128)
+def _shapes(evaluation: Evaluation, nodes: tuple[str, ...]) -> np.ndarray:
+    """Motion of the nodes relative to the seat, shape (1 + f, k, 6); zero where the model has no basis of modes.
+
+    Where the seat turns there is the dominant mode alone: f is 0.
+    """
+    model, loop = evaluation.pilot_model, evaluation.loop
+    frequencies_hz = () if SEAT_MOTIONS[loop.motion].rotation else SHAPES_HZ
+    found = np.zeros((1 + len(frequencies_hz), len(nodes), len(_PARTS)), dtype=np.complex128)
     imposed = model.imposed
-    if imposed is None or model.integrators or SEAT_MOTIONS[imposed.inputs[0]].rotation:
+    if imposed is None or model.integrators:
         return found
     modal = modes(imposed.free, imposed.form)
     if not modal.diagonal:
         return found
     where = {bytes(name).decode(): k for k, name in enumerate(imposed.free.names)}
-    rows = [(k, p, where[f"{node}.{part}"]) for k, node in enumerate(nodes) for p, part in enumerate(_PARTS)
-            if f"{node}.{part}" in where]  # fmt: skip
+    rows = [
+        (k, p, where[f"{node}.{part}"])
+        for k, node in enumerate(nodes)
+        for p, part in enumerate(_PARTS)
+        if f"{node}.{part}" in where
+    ]
     at_node, at_part, unknown = (np.array(column) for column in zip(*rows, strict=True))
     lam, V = modal.lam, modal.V_R[unknown]
+    dominant = int(np.argmin(np.abs(lam - model.dominant_pole(loop.output))))
+    grip = loop.lever_length_m * complex(imposed.output_matrix[loop.output] @ modal.V_R[:, dominant])
+    found[0, at_node, at_part] = V[:, dominant] / grip
     B1, B2 = (-modal.V_L @ part[:, 0] for part in (imposed.g_ydot_imposed, imposed.g_y_imposed))
     weights = (lam * B1 + B2) / lam**2
-    dominant = int(np.argmin(np.abs(lam - model.dominant_pole())))
-    grip = model.lever_length_m * complex(imposed.output_matrix[0] @ modal.V_R[:, dominant])
-    found[0, at_node, at_part] = V[:, dominant] / grip
-    for k, hz in enumerate(SHAPES_HZ, start=1):
+    for k, hz in enumerate(frequencies_hz, start=1):
         found[k, at_node, at_part] = V @ (weights / (2j * np.pi * hz - lam))
     return found

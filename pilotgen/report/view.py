@@ -136,6 +136,7 @@ def render_pilot(
         scripts=script_texts(solid),
         solid=solid,
         many=False,
+        references=bool(data["references"]),
         loop_words=loop_words(study),
     )
 

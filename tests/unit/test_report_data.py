@@ -115,7 +115,7 @@ def test_terms_are_the_response(drawn) -> None:
         if b:
             H += complex(c, -d) / (s - complex(a, -b))
     expected = model.response(s.imag, washout=False)
-    assert np.abs(H - expected).max() < 1e-7 * np.abs(expected).max()
+    assert np.abs(H - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 def test_shown_are_the_worst_the_front_and_some_of_everywhere(tmp_path: Path) -> None:

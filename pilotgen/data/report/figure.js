@@ -45,14 +45,14 @@ pilotgen.figure = (() => {
 
   function motion(body, phase) {
     const n = structure.nodes.length;
-    const found = { nodes: new Float64Array(6 * n), seat: 0 };
+    const found = { nodes: new Float64Array(6 * n), seat: [0, 0, 0] };
     if (settings.motion === "none") return found;
     const shape = body.shapes[settings.motion === "mode" ? 0 : settings.shape];
     const scale = settings.motion === "mode" ? settings.gain * 1e-3 : settings.gain;
     const [c, s] = [Math.cos(phase), Math.sin(phase)];
     for (let k = 0; k < 6 * n; k += 1) found.nodes[k] = scale * (shape[k] * c - shape[6 * n + k] * s);
     // the seat's own motion under 1 m/s^2: -cos / w^2
-    if (settings.motion === "response") found.seat = -scale * c / (2 * Math.PI * hz()) ** 2;
+    if (settings.motion === "response") found.seat[structure.axis] = -scale * c / (2 * Math.PI * hz()) ** 2;
     return found;
   }
 
@@ -62,9 +62,9 @@ pilotgen.figure = (() => {
     const [rx, ry, rz] = [place[0] - x, place[1] - y, place[2] - z];
     const [gx, gy, gz] = now.nodes.subarray(k + 3, k + 6);
     return [
-      place[0] + now.nodes[k] + gy * rz - gz * ry,
-      place[1] + now.nodes[k + 1] + gz * rx - gx * rz + now.seat,
-      place[2] + now.nodes[k + 2] + gx * ry - gy * rx,
+      place[0] + now.seat[0] + now.nodes[k] + gy * rz - gz * ry,
+      place[1] + now.seat[1] + now.nodes[k + 1] + gz * rx - gx * rz,
+      place[2] + now.seat[2] + now.nodes[k + 2] + gx * ry - gy * rx,
     ];
   }
 
@@ -321,10 +321,10 @@ pilotgen.figure = (() => {
     if (nominal.group.visible) nominal.pose(clock);
     const now = motion(chosen.body, clock);
     const [x, y] = chosen.body.sizes.seat_m;
-    const length = settings.motion === "response" ? now.seat : 0;
+    const length = settings.motion === "response" ? now.seat[structure.axis] : 0;
     arrow.visible = settings.motion === "response";
     arrow.position.set(x - 0.22, y, 0);
-    arrow.setDirection(new THREE.Vector3(0, length < 0 ? -1 : 1, 0));
+    arrow.setDirection(new THREE.Vector3().setComponent(structure.axis, length < 0 ? -1 : 1));
     arrow.setLength(Math.max(Math.abs(length) * 2, 0.02), Math.min(0.06, Math.abs(length) + 0.01), 0.04);
     renderer.render(scene, camera);
   }

@@ -47,7 +47,7 @@ pilotgen.start = () => {
   const loopLines = (pen) => pen.across(0, pilotgen.look.css("--axis"));
   const turns = (pen) => [-180, 180, -540].forEach((deg) => pen.across(deg, pilotgen.look.css("--axis")));
   views.nyquist = responses.nyquist(by("nyquist"));
-  views.grip = responses.bode(by("bode-grip"), { field: "mm", label: "mm per m/s²", log: true });
+  views.grip = responses.bode(by("bode-grip"), { field: "mm", label: `mm per ${data.loop.per}`, log: true });
   views.gripPhase = responses.bode(by("bode-grip-phase"), { field: "gripDeg", label: "phase [deg]", every: [15, 30, 45, 90, 180, 360] });
   views.loop = responses.bode(by("bode-loop"), { field: "db", label: "|L| [dB]", lines: loopLines, limits: [-70, 60] });
   views.loopPhase = responses.bode(by("bode-loop-phase"), { field: "deg", label: "phase [deg]", lines: turns, every: [15, 30, 45, 90, 180, 360] });

@@ -62,7 +62,7 @@ pilotgen.model = (() => {
     let k = offsets[pilot];
     for (let j = 0; j < data.terms.counts[2 * pilot]; j += 1, k += 4) pairs.push(Array.from(numbers.subarray(k, k + 4)));
     for (let j = 0; j < data.terms.counts[2 * pilot + 1]; j += 1, k += 2) real.push(Array.from(numbers.subarray(k, k + 2)));
-    return { pairs, real, direct: data.terms.direct[pilot] || 0, integrators: data.terms.integrators };
+    return { pairs, real, direct: data.terms.direct[pilot] || 0, integrators: data.terms.integrators, tilt: data.terms.tilt[pilot] || null };
   }
 
   function listOf(terms) {
@@ -71,11 +71,19 @@ pilotgen.model = (() => {
       if (pole[1] !== 0) pairs.push([...pole, ...terms.residues[k]]);
       else real.push([pole[0], terms.residues[k][0]]);
     });
-    return { pairs, real, direct: terms.direct, integrators: terms.integrators };
+    return { pairs, real, direct: terms.direct, integrators: terms.integrators, tilt: terms.tilt || null };
   }
 
-  // rotation of the lever per acceleration of the seat
+  // rotation of the control per acceleration of the seat; a seat that turns tilts gravity
   function rotation(list, w, corner) {
+    const own = filtered(list, w, corner);
+    if (!list.tilt) return own;
+    const below = corner === null ? [0, w] : [corner, w];
+    const more = over(over([list.tilt[0], list.tilt[1] * w], below), below);
+    return [own[0] + more[0], own[1] + more[1]];
+  }
+
+  function filtered(list, w, corner) {
     let H = sum(list, w);
     if (corner === null) {
       for (let k = 0; k < list.integrators; k += 1) H = over(H, [0, w]);

@@ -29,7 +29,7 @@ pilotgen.responses = (() => {
     const G = model.grip(state.pilot, hz);
     const phase = Math.atan2(im, re) * 180 / Math.PI;
     return `${text.number(hz, 3)} Hz: loop gain ${text.number(20 * Math.log10(Math.hypot(re, im)), 2)} dB, phase ${text.number(phase, 1)}°; ` +
-      `grip ${text.number(1e3 * Math.hypot(...G), 3)} mm per m/s², phase ${text.number(Math.atan2(G[1], G[0]) * 180 / Math.PI, 1)}°`;
+      `grip ${text.number(1e3 * Math.hypot(...G), 3)} mm per ${model.data.loop.per}, phase ${text.number(Math.atan2(G[1], G[0]) * 180 / Math.PI, 1)}°`;
   }
 
   function nyquist(host) {
