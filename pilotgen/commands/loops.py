@@ -77,19 +77,20 @@ def run(args: argparse.Namespace) -> int:
     poles = [p for p in loop.closed_loop_poles if p.imag >= 0.0]
     alpha, hz = loop.disk_margin()
     told = {name: as_object(found) for name, found in loop.loop_at_a_time().items()}
-    stable = bool(loop.closed_loop_poles.real.max() < 0.0)
+    stable = loop.stable
     if args.json:
         data = {
             "plant": plant.name,
             "stable": stable,
             "closed_loop_poles": [[p.real, p.imag] for p in loop.closed_loop_poles],
             "loops": told,
-            "disk_margin": alpha,
+            "disk_margin": None if math.isnan(alpha) else alpha,
             "disk_margin_hz": None if math.isnan(hz) else hz,
         }
         print(json.dumps(data, indent=1, allow_nan=False))
         return 0
-    print(f"plant            {plant.name}\nclosed loop      {'stable' if stable else 'UNSTABLE'}")
+    state = "cannot be told" if stable is None else "stable" if stable else "UNSTABLE"
+    print(f"plant            {plant.name}\nclosed loop      {state}")
     for pole in sorted(poles, key=abs):
         damping = -pole.real / abs(pole) if pole else 0.0
         oscillates = 0.5 < abs(pole) / (2.0 * math.pi) < 10.0 and damping < 0.5
@@ -98,7 +99,8 @@ def run(args: argparse.Namespace) -> int:
     for name, found in told.items():
         gain, phase = (_text(found[key], unit) for key, unit in (("gain_margin_db", "dB"), ("phase_margin_deg", "deg")))
         print(f"{name:<16} others closed: gain margin {gain}, phase margin {phase}")
-    print(f"all loops        disk margin {alpha:.4g}" + (f" at {hz:.3g} Hz" if not math.isnan(hz) else ""))
+    all_loops = "cannot be told" if math.isnan(alpha) else f"{alpha:.4g}"
+    print(f"all loops        disk margin {all_loops}" + (f" at {hz:.3g} Hz" if not math.isnan(hz) else ""))
     return 0
 
 

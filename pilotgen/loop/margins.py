@@ -22,6 +22,8 @@ from pilotgen.linear.exact import Rational, quotient, rational
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.crossings import LocusFeatures, constant_features, locus_features
+from pilotgen.loop.enclosure import Extended
+from pilotgen.loop.enclosure import largest_real_part as enclosed_real_part
 from pilotgen.loop.frequency_data import FrequencyAnswer, FrequencyData, from_data
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.verified import affordable, verified
@@ -144,7 +146,8 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
 
     A LoopModel, a pilot on a rotorcraft, is judged in double precision with error bounds; whatever these leave open is
     handed to exact arithmetic. A StateSpaceModel may be anything: it goes to exact arithmetic at once. Loops too large
-    for that keep the answer of double precision; what it cannot tell is not told (`Margins.not_told`).
+    for that keep the answer of double precision, their stability that of eigenvalues enclosed in disks (`enclosure`);
+    what these cannot tell is not told (`Margins.not_told`).
 
     Parameters
     ----------
@@ -169,13 +172,12 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     largest = largest_real_part(model)
     why, stable, interval = "", False, None
     if largest is not None:
+        if largest[0] <= 0.0 <= largest[1] and not exact:
+            largest = enclosed_real_part(closed_matrix(model)) or largest
         stable = largest[1] < 0.0
         if largest[0] <= 0.0 <= largest[1]:
             interval = largest
-            why = (
-                f"in double precision the largest real part of the closed loop lies between {largest[0]:.3g} and "
-                f"{largest[1]:.3g} rad/s"
-            )
+            why = f"the largest real part of the closed loop lies between {largest[0]:.3g} and {largest[1]:.3g} rad/s"
     if features.doubtful and not why:
         why = "the locus touches the unit circle or the real axis, or passes -1, within round-off"
     if not why:
@@ -184,6 +186,13 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
         return exact_margins(rational(model))
     why += f", and {model.n_states} states with such entries are too many for exact arithmetic"
     return _margins(model.D, None if interval else stable, features, why, interval)
+
+
+def closed_matrix(model: StateSpaceModel) -> Extended:
+    """A - B C / (1 + D) of the closed loop in extended precision, shape (n, n)."""
+    A, B, C = (np.asarray(matrix, dtype=np.longdouble) for matrix in (model.A, model.B, model.C))
+    closed: Extended = A - B[:, None] * (C / (np.longdouble(1.0) + np.longdouble(model.D)))
+    return closed
 
 
 def _small_gain(model: StateSpaceModel, fractions: PartialFractions | None, features: LocusFeatures) -> bool:

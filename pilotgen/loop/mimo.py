@@ -20,6 +20,7 @@ import numpy.typing as npt
 from pilotgen.errors import PilotgenError, StudyError
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
+from pilotgen.loop.enclosure import largest_real_part
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.loop.plants import MatrixPlant
 from pilotgen.loop.units import CONTROLS
@@ -55,6 +56,17 @@ class MatrixLoop:
         inner = np.linalg.solve(np.eye(len(self.D)) + self.D, self.C)
         lam = np.linalg.eigvals(self.A - self.B @ inner).astype(complex)
         return lam[np.argsort(np.abs(lam), kind="stable")]
+
+    @cached_property
+    def stable(self) -> bool | None:
+        """Whether all loops together are stable; None if the eigenvalues' enclosure does not tell."""
+        eye = np.eye(len(self.D))
+        inner = np.linalg.solve(eye + self.D, self.C).astype(np.longdouble)
+        inner = inner + np.linalg.solve(eye + self.D, (self.C - (eye + self.D) @ inner).astype(float))  # one refinement
+        found = largest_real_part(self.A.astype(np.longdouble) - self.B.astype(np.longdouble) @ inner)
+        if found is None or found[0] <= 0.0 <= found[1]:
+            return None
+        return found[1] < 0.0
 
     def response(self, omega: npt.ArrayLike) -> ComplexArray:
         """L(j omega), shape (f, m, m), omega (f,) in rad/s."""
@@ -100,14 +112,16 @@ class MatrixLoop:
         return values
 
     def disk_margin(self) -> tuple[float, float]:
-        """Multi-loop disk margin alpha, a guaranteed lower bound, and its frequency [Hz]; 0 if the loop is unstable.
+        """Multi-loop disk margin alpha, a guaranteed lower bound, and its frequency [Hz].
+
+        0 if the loop is unstable, NaN if its stability cannot be told.
 
         Every loop may have gain and phase changed at once by any factor of the disk (1 + alpha/2 d)/(1 - alpha/2 d),
         |d| < 1: alpha = 2 / sup mu((I - L)(I + L)^-1), mu bounded from above by diagonal scaling (Osborne's), and the
         supremum taken over 0.05 to 30 Hz. For one loop it is the balanced disk margin.
         """
-        if not self.closed_loop_poles.real.max() < 0.0:
-            return 0.0, math.nan
+        if not self.stable:
+            return (0.0 if self.stable is False else math.nan), math.nan
         low, high = (2.0 * math.pi * hz for hz in BAND_HZ)
         omega = np.unique(np.concatenate((np.geomspace(low, high, 1500), self._near_modes(low, high))))
         bound = self._mu_bound(omega)

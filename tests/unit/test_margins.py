@@ -297,7 +297,7 @@ def test_a_pilot_whose_stability_cannot_be_told_is_a_failed_one(monkeypatch: pyt
         monkeypatch.setattr(evaluation, "margins", lambda loop: margins(many_light_modes(1e-6)))
         failed = evaluate(context, values)
     assert isinstance(failed, FailedEvaluation)
-    assert failed.stage == "margins" and "cannot be told: in double precision the largest real part" in failed.reason
+    assert failed.stage == "margins" and "cannot be told: the largest real part" in failed.reason
 
 
 def test_delay_margin_of_points_that_lead() -> None:
