@@ -22,6 +22,7 @@
 #include "mbdae/output/matrices_file.h"
 #include "mbdae/output/motion_file.h"
 #include "mbdae/output/provenance.h"
+#include "mbdae/output/sha256.h"
 
 namespace mbdae {
 

@@ -89,6 +89,16 @@ void forget_genels(const Model& model, Equations& eq, ConstraintRates& rates) {
   }
 }
 
+/// What the velocities violate: rates of constraints at position level, constraints at velocity level themselves.
+Eigen::VectorXd velocity_error(const Model& model, const State& state, Equations& eq, bool tangent) {
+  ConstraintRates rates;
+  eq.clear(model.size(), tangent);
+  model.add_reduced_constraints(state, eq, tangent);
+  model.rates(state, rates, false);
+  forget_genels(model, eq, rates);
+  return rates.rate.tail(model.reaction_count()) + eq.g.tail(model.reaction_count()) - position_error(model, eq);
+}
+
 void note_worst(const Model& model, const Eigen::VectorXd& error, Correction* out) {
   Eigen::Index worst = 0;
   error.cwiseAbs().maxCoeff(&worst);
@@ -183,16 +193,7 @@ Correction match_velocities(const Model& model, State& state) {
   Correction out;
   if (model.reaction_count() == 0) return out;
   Equations eq;
-  ConstraintRates rates;
-  const auto errors = [&](bool tangent) {
-    eq.clear(model.size(), tangent);
-    model.add_reduced_constraints(state, eq, tangent);
-    model.rates(state, rates, false);
-    forget_genels(model, eq, rates);
-    return Eigen::VectorXd(rates.rate.tail(model.reaction_count()) + eq.g.tail(model.reaction_count()) -
-                           position_error(model, eq));
-  };
-  const Eigen::VectorXd error = errors(true);
+  const Eigen::VectorXd error = velocity_error(model, state, eq, true);
   note_worst(model, error, &out);
   const Eigen::VectorXd change = shortest_solution(constraint_matrix(model, eq, true)).solve(error);
   out.moved = change.cwiseAbs().maxCoeff();
@@ -201,7 +202,7 @@ Correction match_velocities(const Model& model, State& state) {
     state.nodes[k].w -= change.segment<3>(6 * static_cast<Eigen::Index>(k) + 3);
   }
   model.set_momenta(state);
-  out.left = errors(false).cwiseAbs().maxCoeff();
+  out.left = velocity_error(model, state, eq, false).cwiseAbs().maxCoeff();
   return out;
 }
 
@@ -216,7 +217,9 @@ State consistent_state(Model& model, std::vector<std::string>& notes) {
   model.set_reference(state);
   const bool find_velocities = !model.deck().control.skip_initial_joint_assembly;
   check_constraints(model, state, !find_velocities);
-  if (!find_velocities) return state;
+  if (!find_velocities || model.reaction_count() == 0) return state;
+  Equations eq;  // most decks start at rest: no need to look for velocities
+  if (velocity_error(model, state, eq, false).cwiseAbs().maxCoeff() <= kConstraintTolerance) return state;
   State matched = state;
   const Correction velocities = match_velocities(model, matched);
   if (!(std::abs(velocities.violation) > kConstraintTolerance)) return state;
