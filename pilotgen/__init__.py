@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pilotgen.api import (
         OBJECTIVES,
         EvaluationError,
+        Found,
         Pilot,
         PilotgenError,
         Pilots,
@@ -29,9 +30,12 @@ if TYPE_CHECKING:
         evaluate,
         evaluate_many,
         open_results,
+        rare_share,
         read_study,
         sample_pilots,
+        sample_population,
         search_pilots,
+        sensitivity_of,
     )
 
 __version__ = "1.0.0"
@@ -40,6 +44,7 @@ __version__ = "1.0.0"
 _PUBLIC = {
     "OBJECTIVES": "objectives",
     "EvaluationError": "errors",
+    "Found": "people_api",
     "Pilot": "api",
     "PilotgenError": "errors",
     "Pilots": "api",
@@ -50,14 +55,18 @@ _PUBLIC = {
     "evaluate": "api",
     "evaluate_many": "api",
     "open_results": "api",
+    "rare_share": "people_api",
     "read_study": "study.study",
     "sample_pilots": "api",
+    "sample_population": "people_api",
     "search_pilots": "api",
+    "sensitivity_of": "people_api",
 }
 
 __all__ = [
     "OBJECTIVES",
     "EvaluationError",
+    "Found",
     "Pilot",
     "PilotgenError",
     "Pilots",
@@ -68,9 +77,12 @@ __all__ = [
     "evaluate",
     "evaluate_many",
     "open_results",
+    "rare_share",
     "read_study",
     "sample_pilots",
+    "sample_population",
     "search_pilots",
+    "sensitivity_of",
 ]
 
 

@@ -10,7 +10,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -23,6 +23,7 @@ from pilotgen.study.study import Study, apply_settings, read_study
 
 if TYPE_CHECKING:
     from pilotgen.evaluation import FailedEvaluation
+    from pilotgen.runs.batch import OnProgress, Progress
     from pilotgen.runs.monitor import Monitor
     from pilotgen.runs.options import RunOptions
     from pilotgen.runs.session import Run
@@ -282,6 +283,52 @@ def monitored(args: argparse.Namespace, directory: Path, kind: str, study: str) 
     monitor.end("done")
 
 
+@contextmanager
+def long_run(
+    args: argparse.Namespace, kind: str, files: Sequence[str], study: Study, told: Callable[[Progress], str]
+) -> Iterator[tuple[Path, OnProgress, Callable[[str], None]]]:
+    """Output directory, progress line, heartbeat and log of a run.
+
+    Parameters
+    ----------
+    args : Namespace
+        Of `add_output` and `add_workers`.
+    kind : str
+        The command.
+    files : sequence of str
+        What it may find in its directory.
+    study : Study
+        Named in the log.
+    told : callable
+        How far a run is, in words.
+
+    Yields
+    ------
+    tuple
+        The directory, claimed; who is told of progress; who is told sentences.
+    """
+    from pilotgen.output import claimed
+    from pilotgen.progress_line import ProgressLine
+
+    line = ProgressLine(0, quiet=args.quiet)
+    with (
+        claimed(args.output, kind, files, args.resume, args.overwrite) as directory,
+        monitored(args, directory, kind, study.name) as monitor,
+    ):
+
+        def show(progress: Progress, milestone: bool) -> None:
+            monitor(progress, milestone)
+            if line.due(milestone):
+                left = line.time_left(progress.done, progress.total)
+                share = progress.done / max(1, progress.total)
+                line.update((told(progress), f"{left} left" if left else ""), milestone, share)
+
+        try:
+            yield directory, show, line.before(monitor.say)
+        finally:
+            line.finish()
+
+
 EXIT_BELOW = 5
 
 
@@ -304,9 +351,10 @@ def told_below(lacks: Sequence[str]) -> int:
 def run_summary(study_path: Path, done: Run, solver: str, worst: int = 10) -> dict[str, Any]:
     """What a search or a sample prints with --json: counts, files, its worst pilots, failures by reason."""
     from pilotgen.objectives import OBJECTIVES
+    from pilotgen.population.region import beyond, that_way
     from pilotgen.report import findings
     from pilotgen.runs.batch import failures_by_reason, replay_command
-    from pilotgen.runs.results import read_results
+    from pilotgen.runs.results import DISTANCE, read_results
 
     results, progress = read_results(done.path), done.progress
     columns = results.columns
@@ -318,6 +366,10 @@ def run_summary(study_path: Path, done: Run, solver: str, worst: int = 10) -> di
         }
         for k in findings.distinct(results, findings.worst_order(results), worst)
     ]
+    if DISTANCE in columns:
+        for pilot, k in zip(pilots, findings.distinct(results, findings.worst_order(results), worst), strict=True):
+            away = float(columns[DISTANCE][k])
+            pilot["how_rare"] = {DISTANCE: away, "share_beyond": beyond(away), "share_that_way": that_way(away)}
     report = done.path.with_name("report.html")
     return {
         "results": done.path,

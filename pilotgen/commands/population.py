@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
 EVENTS = ("unstable", *(row.key for row in OBJECTIVES.values() if row.worse == "smaller"))
-WRITES = ("population.json", "rare.json", "people.csv", "people.csv.part", "journal.sqlite*")
 
 
 def add_parser(commands: Any) -> None:
@@ -76,9 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.output import claimed
-    from pilotgen.progress_line import ProgressLine
-    from pilotgen.runs.population_study import population_study
+    from pilotgen.runs.population_study import FILES, population_study
     from pilotgen.runs.rare_study import RESULT_NAME, rare_study
     from pilotgen.study.study import read_study
 
@@ -86,27 +83,15 @@ def run(args: argparse.Namespace) -> int:
     options = common.run_options(args, study)
     if args.rare is not None and args.until_width is not None:
         raise StudyError("--until-width is for people counted one by one; leave it or --rare out")
-    line = ProgressLine(args.number, quiet=args.quiet)
 
-    def show(progress: Progress, milestone: bool) -> None:
-        monitor(progress, milestone)
-        if line.due(milestone):
-            left = line.time_left(progress.done)
-            text = f"{progress.done}/{progress.total} people, {progress.failed} failed, {progress.unstable} unstable"
-            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, progress.total))
+    def told(progress: Progress) -> str:
+        return f"{progress.done}/{progress.total} people, {progress.failed} failed, {progress.unstable} unstable"
 
-    with (
-        claimed(args.output, "population", WRITES, args.resume, args.overwrite) as directory,
-        common.monitored(args, directory, "population", study.name) as monitor,
-    ):
-        tell = line.before(monitor.say)
-        try:
-            if args.rare is not None:
-                done = rare_study(study, directory, args.number, args.rare, args.seed, options, show, tell)
-            else:
-                done = population_study(study, directory, args.number, args.until_width, args.seed, options, show, tell)
-        finally:
-            line.finish()
+    with common.long_run(args, "population", FILES, study, told) as (directory, show, say):
+        if args.rare is not None:
+            done = rare_study(study, directory, args.number, args.rare, args.seed, options, show, say)
+        else:
+            done = population_study(study, directory, args.number, args.until_width, args.seed, options, show, say)
     if args.json:
         sys.stdout.write(to_json(done.content))
     else:

@@ -50,32 +50,18 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.output import STUDY_FILES, claimed
-    from pilotgen.progress_line import ProgressLine
+    from pilotgen.output import STUDY_FILES
     from pilotgen.runs.sample_study import sample_study
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
     options = common.run_options(args, study)
-    line = ProgressLine(args.number, quiet=args.quiet)
 
-    def show(progress: Progress, milestone: bool) -> None:
-        monitor(progress, milestone)
-        if line.due(milestone):
-            left = line.time_left(progress.done)
-            text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
-            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, progress.total))
+    def told(progress: Progress) -> str:
+        return f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
 
-    with (
-        claimed(args.output, "sample", STUDY_FILES, args.resume, args.overwrite) as directory,
-        common.monitored(args, directory, "sample", study.name) as monitor,
-    ):
-        try:
-            done = sample_study(
-                study, directory, args.number, args.method, args.seed, options, show, line.before(monitor.say)
-            )
-        finally:
-            line.finish()
+    with common.long_run(args, "sample", STUDY_FILES, study, told) as (directory, show, say):
+        done = sample_study(study, directory, args.number, args.method, args.seed, options, show, say)
     if args.json:
         common.print_json(common.run_summary(args.study, done, options.solver))
     else:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pilotgen.objectives import Objective
     from pilotgen.runs.batch import Progress
 
-WRITES = ("sensitivity.json", "journal.sqlite*")
-
 
 def add_parser(commands: Any) -> None:
     """Declare the command."""
@@ -76,32 +74,17 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.output import claimed
-    from pilotgen.progress_line import ProgressLine
-    from pilotgen.runs.sensitivity_study import sensitivity_study
+    from pilotgen.runs.sensitivity_study import FILES, sensitivity_study
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
     options = common.run_options(args, study)
-    line = ProgressLine(0, quiet=args.quiet)
 
-    def show(progress: Progress, milestone: bool) -> None:
-        monitor(progress, milestone)
-        if line.due(milestone):
-            left = line.time_left(progress.done, progress.total)
-            text = f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
-            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, progress.total))
+    def told(progress: Progress) -> str:
+        return f"{progress.done}/{progress.total} pilots, {progress.failed} failed"
 
-    with (
-        claimed(args.output, "sensitivity", WRITES, args.resume, args.overwrite) as directory,
-        common.monitored(args, directory, "sensitivity", study.name) as monitor,
-    ):
-        try:
-            done = sensitivity_study(
-                study, directory, args.number, args.method, args.seed, options, show, line.before(monitor.say)
-            )
-        finally:
-            line.finish()
+    with common.long_run(args, "sensitivity", FILES, study, told) as (directory, show, say):
+        done = sensitivity_study(study, directory, args.number, args.method, args.seed, options, show, say)
     if args.json:
         sys.stdout.write(to_json(done.content))
     else:

@@ -26,6 +26,7 @@ from pilotgen.study.study import Study
 CHUNK = 500  # people in memory at a time, and between two looks at the intervals
 KIND = "population"
 RESULT_NAME, PEOPLE_NAME = "population.json", "people.csv"
+FILES = (RESULT_NAME, "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "journal.sqlite*")  # in its directory
 FILETYPE, VERSION = "pilotgen population", 1
 
 

@@ -28,6 +28,7 @@ from pilotgen.study.study import Study
 CHUNK = 1000  # pilots in memory at a time
 KIND = "sensitivity"
 RESULT_NAME = "sensitivity.json"
+FILES = (RESULT_NAME, "journal.sqlite*")  # in its directory
 FILETYPE, VERSION = "pilotgen sensitivity", 1
 METHODS = ("sobol", "morris", "surrogate", "anova")
 STEP = 0.01  # of a slope, of the number's range in the study

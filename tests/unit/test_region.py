@@ -5,6 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,9 @@ def test_the_command_is_the_same_with_two_workers_and_says_how_rare(
         code = main(["search", str(study), "-o", str(tmp_path / str(workers)), "--quiet", "--workers", str(workers)])
         assert code == 0
     out = capsys.readouterr().out
+    code = main(["search", str(study), "-o", str(tmp_path / "1"), "--quiet", "--resume", "--json", "--no-report"])
+    rare = json.loads(capsys.readouterr().out)["worst"][0]["how_rare"]
+    assert rare["share_beyond"] == pytest.approx(stats.chi2.sf(rare["mahalanobis_distance"] ** 2, 3))
     assert "How rare the worst pilot is: 1 in" in out and "how rare" in out
     assert (tmp_path / "1" / "study.h5").read_bytes() == (tmp_path / "2" / "study.h5").read_bytes()
     table = open_results(tmp_path / "1").table()

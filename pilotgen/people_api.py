@@ -1,0 +1,196 @@
+"""Populations, rare shares and sensitivities from Python; `pilotgen.api` offers them (docs/python.md).
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotgen.output import claimed
+from pilotgen.runs import population_study, rare_study, sensitivity_study
+from pilotgen.runs.batch import OnProgress, Progress
+from pilotgen.runs.options import RunOptions
+from pilotgen.study.study import Study
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a population, a rare share or a sensitivity came to.
+
+    Attributes
+    ----------
+    path : Path
+        The JSON file it left.
+    content : mapping
+        What stands in it (docs/io_formats/population.md, docs/io_formats/sensitivity.md).
+    progress : Progress
+        What was done for it.
+    """
+
+    path: Path
+    content: Mapping[str, Any]
+    progress: Progress = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """A copy of the content: plain numbers, texts, lists, dictionaries."""
+        return copy.deepcopy(dict(self.content))
+
+    def table(self, objective: str | None = None) -> np.ndarray:
+        """A NumPy structured array: people of a population, or the numbers of a sensitivity for one objective.
+
+        Parameters
+        ----------
+        objective : str, optional
+            Of a sensitivity; the first one by default.
+
+        Returns
+        -------
+        ndarray, shape (people,) or (numbers,)
+            Columns of people.csv (what a failed one lacks is NaN or empty); or `number`, `slope` and the indices
+            (rows of the table of an analysis of variance), NaN where there is none.
+        """
+        if "objectives" in self.content:
+            return _indices(self.content, objective)
+        people = self.path.with_name(population_study.PEOPLE_NAME)
+        if "shares" not in self.content or not people.is_file():
+            return _array([{**one["values"], **one} for one in self.content.get("nearest", [])])
+        table: np.ndarray = np.genfromtxt(people, delimiter=",", names=True, dtype=None, encoding="utf-8")
+        return np.atleast_1d(table)
+
+
+def sample_population(
+    study: Study,
+    directory: str | os.PathLike[str],
+    number: int,
+    until_width: float | None = None,
+    seed: int | None = None,
+    options: RunOptions | None = None,
+    on_progress: OnProgress | None = None,
+    overwrite: bool = False,
+) -> Found:
+    """Evaluate people of the study's population; leaves what `pilotgen population` leaves in `directory`.
+
+    Parameters
+    ----------
+    study, directory, options, on_progress, overwrite
+        As of `search_pilots`.
+    number : int
+        How many people; at most, with `until_width`. Person i does not depend on it.
+    until_width : float, optional
+        Stop when every share's 95 % interval is no wider than this fraction.
+    seed : int, optional
+        The study's own by default.
+    """
+
+    def run(mine: Study, place: Path, chosen: RunOptions) -> population_study.PopulationRun:
+        return population_study.population_study(mine, place, number, until_width, seed, chosen, on_progress)
+
+    return _run(study, directory, "population", population_study.FILES, options, overwrite, run, 0)
+
+
+def rare_share(
+    study: Study,
+    directory: str | os.PathLike[str],
+    number: int,
+    event: str,
+    seed: int | None = None,
+    options: RunOptions | None = None,
+    on_progress: OnProgress | None = None,
+    overwrite: bool = False,
+) -> Found:
+    """Estimate a share of the study's population that is too rare to be counted, as `pilotgen population --rare`.
+
+    Parameters
+    ----------
+    study, directory, seed, options, on_progress, overwrite
+        As of `sample_population`.
+    number : int
+        People to evaluate, at most.
+    event : str
+        `unstable`, or a margin of which the study has a limit.
+    """
+
+    def run(mine: Study, place: Path, chosen: RunOptions) -> population_study.PopulationRun:
+        return rare_study.rare_study(mine, place, number, event, seed, chosen, on_progress)
+
+    return _run(study, directory, "population", population_study.FILES, options, overwrite, run, 1)
+
+
+def sensitivity_of(
+    study: Study,
+    directory: str | os.PathLike[str],
+    number: int,
+    method: str = "sobol",
+    seed: int | None = None,
+    options: RunOptions | None = None,
+    on_progress: OnProgress | None = None,
+    overwrite: bool = False,
+) -> Found:
+    """Tell which numbers of the study decide its objectives; leaves what `pilotgen sensitivity` leaves in `directory`.
+
+    Parameters
+    ----------
+    study, directory, seed, options, on_progress, overwrite
+        As of `sample_population`.
+    number : int
+        Base points, trajectories, pilots or levels, as `-n` of the command.
+    method : str
+        "sobol", "morris", "surrogate" or "anova".
+    """
+
+    def run(mine: Study, place: Path, chosen: RunOptions) -> sensitivity_study.SensitivityRun:
+        return sensitivity_study.sensitivity_study(mine, place, number, method, seed, chosen, on_progress)
+
+    return _run(study, directory, "sensitivity", sensitivity_study.FILES, options, overwrite, run, 0)
+
+
+Done = population_study.PopulationRun | sensitivity_study.SensitivityRun
+
+
+def _run(
+    study: Study,
+    directory: str | os.PathLike[str],
+    kind: str,
+    files: tuple[str, ...],
+    options: RunOptions | None,
+    overwrite: bool,
+    run: Callable[[Study, Path, RunOptions], Done],
+    result: int,
+) -> Found:
+    """Run in the claimed directory; `files[result]` is what it leaves."""
+    options = options or RunOptions()
+    with claimed(Path(directory), kind, files, options.resume, overwrite) as place:
+        done = run(study.with_own_text(), place, options)
+    return Found(Path(directory) / files[result], done.content, done.progress)
+
+
+def _indices(content: Mapping[str, Any], objective: str | None) -> np.ndarray:
+    one = content["objectives"][objective or next(iter(content["objectives"]))]
+    if "anova" in one:
+        return _array(one["anova"] or [])
+    numbers = (one["indices"] or {}).get("numbers", {})
+    return _array([{"number": name, "slope": slope, **numbers.get(name, {})} for name, slope in one["slopes"].items()])
+
+
+def _array(rows: list[dict[str, Any]]) -> np.ndarray:
+    """Rows of the same keys as a structured array; what is null or has parts is NaN or left out."""
+    names = list(dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, Mapping)))
+    columns = []
+    for name in names:
+        column = [row.get(name) for row in rows]
+        text = any(isinstance(value, str) for value in column)
+        columns.append(np.array([str(v) for v in column] if text else [np.nan if v is None else v for v in column]))
+    table: np.ndarray = np.empty(
+        len(rows), dtype=[(name, column.dtype) for name, column in zip(names, columns, strict=True)]
+    )
+    for k, name in enumerate(names):
+        table[name] = columns[k]
+    return table
