@@ -61,6 +61,7 @@ def _parts(args: argparse.Namespace) -> list[tuple[str, Callable[[], Sheet]]]:
     parts: list[tuple[str, Callable[[], Sheet]]] = [
         ("stages", lambda: _stages(args)),
         ("search", lambda: _search(args)),
+        ("people", lambda: _people(args)),
     ]
     if args.quality:
         parts.append(("quality", lambda: _quality(args)))
@@ -174,6 +175,54 @@ def _search(args: argparse.Namespace) -> Sheet:
     ratios = [one["wall_s"] / two["wall_s"] for one, two in zip(alone, whole, strict=True)]
     sheet["speed-up of the second worker"] = {"wall": ratios}
     print(f"  speed-up of the second worker: {median(ratios):.2f} (median of {', '.join(f'{r:.2f}' for r in ratios)})")
+    return sheet
+
+
+PEOPLE, BASE, NUMBERS, FEW = 20_000, 2048, 12, 256  # what a whole population and whole indices are
+
+
+def _people(args: argparse.Namespace) -> Sheet:
+    """A small population and small indices, and what whole ones take at the pace from a tiny run to a small one."""
+    from pilotgen.bench import runs
+
+    men, twelve = args.study.parent / "puma-population.yaml", args.study.parent / "puma-twelve.yaml"
+    if not (men.is_file() and twelve.is_file()):
+        print(f"\npeople and indices are not measured: {men.name} and {twelve.name} are not beside {args.study.name}")
+        return {}
+    block = NUMBERS + 2  # pilots of a base point
+    base = 32 if args.quick else 64
+    few, many = (40, 120) if args.quick else (100, 500)
+    kinds: dict[str, tuple[int, int, int, Callable[[int], Any]]] = {
+        f"{PEOPLE} people": (few, many, PEOPLE, lambda n: runs.people(men, n, 2)),
+        f"indices of {NUMBERS} numbers, {BASE} base points": (
+            16 * block,
+            base * block,
+            BASE * block,
+            lambda n: runs.decides(twelve, n // block, 2),
+        ),
+        f"indices of {NUMBERS} numbers, polynomial through {FEW}": (
+            FEW // 4,
+            FEW,
+            FEW,
+            lambda n: runs.decides(twelve, n, 2, "--surrogate"),
+        ),
+    }
+    sheet: Sheet = {}
+    print("\npeople and indices, 2 workers: a small run, and all of it at that pace")
+    print(f"  {'':52s} {'pilots':>8s} {'wall s':>8s} {'ms/pilot':>9s} {'peak MiB':>9s} {'all, min':>9s}")
+    for name, (small, large, whole, measure) in kinds.items():
+        tiny, ran = measure(small), measure(large)
+        each = max(ran.wall_s - tiny.wall_s, 1e-3 * ran.wall_s) / (large - small)
+        minutes = (ran.wall_s + each * (whole - large)) / 60.0
+        cpu_ms = 1e3 * (ran.cpu_s - tiny.cpu_s) / (large - small)
+        sheet[name] = {
+            "pilots": large,
+            "wall_s": ran.wall_s,
+            "cpu_ms_per_pilot": cpu_ms,
+            "peak_mib": ran.memory_mib,
+            "all_min": minutes,
+        }
+        print(f"  {name:52s} {large:8d} {ran.wall_s:8.1f} {cpu_ms:9.2f} {ran.memory_mib:9.0f} {minutes:9.2f}")
     return sheet
 
 

@@ -63,9 +63,24 @@ def search(study: Path, workers: int) -> SearchRun:
 
 def sample(study: Path, number: int, workers: int) -> Ran:
     """Run `pilotgen sample`; the memory reported is that of its largest process."""
+    return _in_a_directory("sample", study, number, workers)
+
+
+def people(study: Path, number: int, workers: int) -> Ran:
+    """Run `pilotgen population`; the memory reported is that of its largest process."""
+    return _in_a_directory("population", study, number, workers)
+
+
+def decides(study: Path, number: int, workers: int, *more: str) -> Ran:
+    """Run `pilotgen sensitivity`."""
+    return _in_a_directory("sensitivity", study, number, workers, *more)
+
+
+def _in_a_directory(command: str, study: Path, number: int, workers: int, *more: str) -> Ran:
     with tempfile.TemporaryDirectory(prefix="pilotgen-bench-") as directory:
+        where = f"{directory}/{command}"
         return pilotgen(
-            "sample", str(study), "-n", str(number), "-o", f"{directory}/sample", "--workers", str(workers), "--quiet"
+            command, str(study), "-n", str(number), "-o", where, "--workers", str(workers), "--quiet", *more
         )
 
 
