@@ -30,6 +30,7 @@ COMMANDS = (
     "sample",
     "population",
     "sensitivity",
+    "cures",
     "compare",
     "compare-motion",
     "check-mbdyn",

@@ -35,7 +35,7 @@ SHOWN = 3  # names that a message lists
 
 REPORT_FILES = ("report.html", "study.yaml", "front", "front/*")
 STUDY_FILES = ("study.h5", "study.h5.old-*", "journal.sqlite*", *REPORT_FILES)
-STUDY_KINDS = ("search", "sample", "population", "sensitivity")
+STUDY_KINDS = ("search", "sample", "population", "sensitivity", "cures")
 PAGES = ("report", "view")  # commands that add pages to what another command left
 
 

@@ -1,0 +1,141 @@
+"""`pilotgen cures`: what may be changed against bounce, what each change buys, and the cheapest that is enough.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pilotgen.commands import common
+from pilotgen.files import to_json
+
+if TYPE_CHECKING:
+    from pilotgen.runs.batch import Progress
+
+WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map.png", "journal.sqlite*")
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "cures",
+        "tell what cures bounce: damper, balance weight, gearing, seat, filters",
+        "Breeds the worst pilot of the study's search box, tries every cure alone on him and on the nominal pilot, and "
+        "looks for the cheapest combination that keeps the study's limits; worst pilots are bred anew for the cured "
+        "cockpit until none misses them. Leaves cures.json, figures, and cured.yaml, the study with the proposed "
+        "cockpit, in DIR. "
+        "Same journal, workers and --resume as a search.",
+        "pilotgen cures docs/studies/puma-cures.yaml -o results/cures",
+        json_help="print cures.json instead of tables",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    parser.add_argument(
+        "--only", metavar="CURE", nargs="+", default=[], help="these cures alone (docs/io_formats/cures.md)"
+    )
+    parser.add_argument("--without", metavar="CURE", nargs="+", default=[], help="all cures but these")
+    parser.add_argument(
+        "--people",
+        metavar="N",
+        type=common.positive_int,
+        default=0,
+        help="of the study's population: who misses a limit before and after",
+    )
+    parser.add_argument("--no-figures", action="store_true", help="leave no figures")
+    common.add_workers(parser)
+    common.add_solver(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Look for cures, write, print."""
+    from pilotgen.runs.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.output import claimed
+    from pilotgen.progress_line import ProgressLine
+    from pilotgen.runs.cures_study import cures_study
+    from pilotgen.study.study import read_study
+
+    study = read_study(args.study)
+    options = common.run_options(args, study)
+    line = ProgressLine(0, quiet=args.quiet)
+
+    def show(progress: Progress, milestone: bool) -> None:
+        monitor(progress, milestone)
+        if line.due(milestone):
+            line.update((f"{progress.done} pilots, {progress.failed} failed",), milestone)
+
+    with (
+        claimed(args.output, "cures", WRITES, args.resume, args.overwrite) as directory,
+        common.monitored(args, directory, "cures", study.name) as monitor,
+    ):
+        try:
+            done = cures_study(
+                study,
+                directory,
+                tuple(args.only),
+                tuple(args.without),
+                args.people,
+                options,
+                show,
+                line.before(monitor.say),
+            )
+        finally:
+            line.finish()
+        if not args.no_figures:
+            draw(done.content, directory)
+    if args.json:
+        sys.stdout.write(to_json(done.content))
+    else:
+        print("\n".join(lines(done.content)))
+        print(f"\nresults: {args.output}: cures.json, cured.yaml" + ("" if args.no_figures else ", figures"))
+    return 0
+
+
+def draw(content: Mapping[str, Any], directory: Path) -> None:
+    """The figures of cures.json."""
+    from pilotgen.figures import cures as figures
+    from pilotgen.figures.style import save
+
+    save(figures.each_alone(content), directory / "cures.png")
+    if content["maps"]:
+        save(figures.cure_map(content), directory / "cure_map.png")
+
+
+def lines(content: Mapping[str, Any]) -> list[str]:
+    """What cures, as a sentence and tables."""
+    told = [content["sentence"], "", "each alone, as far as is practicable:"]
+    for row in content["cures"]:
+        told.append(f"  {row['best']['worst']['sentence']}" + ("" if row["remedy"] else " (an influence, no remedy)"))
+    told += ["", f"{'pilot':18} {'before':>28}   {'after':>28}"]
+    for row in content["proposal"]["pilots"]:
+        told.append(f"{row['name']:18} {_margins(row['before']):>28}   {_margins(row['after']):>28}")
+    people = content["population"]
+    if people is not None:
+        shares = [people[when]["missing_a_limit"] for when in ("before", "after")]
+        told += ["", "people who miss a limit: " + ", ".join(_share(s) for s in shares) + " (before, after)"]
+    changes = content["proposal"]["changes"]
+    if changes:
+        told += ["", "as settings: " + " ".join(f"{path}={value:.6g}" for path, value in changes.items())]
+    return told
+
+
+def _margins(told: Mapping[str, Any]) -> str:
+    if told["status"] != "ok":
+        return f"failed: {told['stage']}"
+    phase = told["phase_margin_deg"]
+    gain = told["gain_margin_db"]
+    return f"{'-' if gain is None else f'{gain:.2f}'} dB, {'no crossing' if phase is None else f'{phase:.0f} deg'}"
+
+
+def _share(share: Mapping[str, Any]) -> str:
+    if share["share"] is None:
+        return "cannot tell"
+    return f"{100 * share['share']:.1f} % ({100 * share['low']:.1f}-{100 * share['high']:.1f} %)"
