@@ -189,6 +189,7 @@ _EFFECTS: Mapping[str, Callable[[Changed, float], None]] = {
     "actuator": _actuator,
 }
 _FOR_BODIES = tuple(key for key in _EFFECTS if key not in ("gearing", "notch", "low_pass", "delay", "actuator"))
+_FOR_LEVERS = tuple(key for key in _FOR_BODIES if key not in ("cushion", "cushion_damping", "seat_back"))
 _FOR_CUSHIONS, _FOR_TORSOS = ("cushion", "cushion_damping"), ("cushion", "cushion_damping", "seat_back")
 
 
@@ -234,6 +235,8 @@ def _meaningless(study: Study, key: str) -> str:
     """Why a cure means nothing for a study; empty if it does."""
     if study.pilot.model == MAYO and key in _FOR_BODIES:
         return "Mayo's pilots have no lever, arm or seat; take a multibody pilot"
+    if key in _FOR_LEVERS and not study.loop.usual:
+        return "it is of the collective lever, and the study's loop is closed by another control or motion"
     if key in _FOR_TORSOS and study.pilot.torso["model"] == RIGID:
         return "a rigid torso has no cushion and no seat back; set pilot.torso.model: lumped"
     if key in _FOR_CUSHIONS and study.value("cockpit.seat.cushion") is None:
