@@ -364,6 +364,7 @@ pilotgen.figure = (() => {
     const k = (kind === "points" ? structure.points : structure.nodes).indexOf(name);
     const node = kind === "points" ? structure.carriers[k] : k;
     const p = vector(moved(chosen.body[kind][k], node, chosen.body, motion(chosen.body, clock)));
+    camera.updateMatrixWorld(); // it may have moved since it was drawn
     p.project(camera);
     return [(p.x + 1) / 2 * host.clientWidth, (1 - p.y) / 2 * host.clientHeight];
   }
