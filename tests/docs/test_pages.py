@@ -1,8 +1,8 @@
 """Every command and every piece of Python that the pages show runs as printed.
 
 Fenced blocks of the languages `sh`, `python` and, where it is installed, `octave` are read from README.md and docs/ and
-run one after the other, page by page, in a fresh directory that holds what a source tree holds (docs/, templates/, tests/data/, .venv/bin/). A block
-that cannot run has a comment `<!-- not run: reason -->` on the line before it.
+run one after the other, page by page, in a fresh directory that holds what a source tree holds (docs/, templates/,
+tests/data/, .venv/bin/). A block that cannot run has a comment `<!-- not run: reason -->` on the line before it.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
