@@ -150,6 +150,37 @@ GAIN_MARGIN, PHASE_MARGIN, MODULUS_MARGIN = (
 MARGINS = (GAIN_MARGIN, PHASE_MARGIN)  # the two that every report tells, whatever was minimised
 
 
+class CrossingGain(Objective):
+    """What the loop's gain is at the crossing of the negative real axis that sets the gain margin, of the critical one.
+
+    10^(-gain margin / 20 dB): 1 is critical, more is unstable, and 0 is no crossing, which is where it goes when a
+    crossing leaves to where the loop has no gain. Every pilot has one, and it is smooth where the margin is infinite.
+    """
+
+    def of(self, result: Mapping[str, Any]) -> float:
+        """Its value in a result object that is ok; an unstable loop without a crossing has the cap."""
+        margin = GAIN_MARGIN.of(result)
+        if math.isinf(margin):
+            return 0.0 if margin > 0.0 else self.cap
+        return self.capped(10.0 ** (-GAIN_MARGIN.capped(margin) / 20.0))
+
+
+FOR_SENSITIVITY: Mapping[str, Objective] = {  # objectives of `sensitivity.objectives` beside those of a search
+    row.key: row
+    for row in (
+        CrossingGain(
+            "gain_at_180",
+            "gain at -180 deg",
+            "G180",
+            "",
+            "gain of the loop at the crossing that sets the gain margin: 1 is critical, 0 no crossing, capped at 1000",
+            worse="larger",
+            cap=1000.0,
+            digits=3,
+        ),
+    )
+}
+
 ROBUST = "robust"  # key of a result object: margins of the pilot's draws, by objective
 
 
@@ -217,7 +248,7 @@ def quantile(text: str) -> Quantile:
 
 def objective(key: str) -> Objective:
     """The objective of this key, which may be a quantile. ValueError if there is none."""
-    return OBJECTIVES[key] if key in OBJECTIVES else quantile(key)
+    return OBJECTIVES.get(key) or FOR_SENSITIVITY.get(key) or quantile(key)
 
 
 def quantiles(objectives: Iterable[str]) -> tuple[Quantile, ...]:

@@ -95,13 +95,13 @@ def run(args: argparse.Namespace) -> int:
 
 def print_sensitivity(content: Mapping[str, Any]) -> None:
     """What decides, as a sentence and a table for each objective."""
-    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.objectives import objective
     from pilotgen.sensitivity.surrogate import ENOUGH
 
     points, failed = content["points"], content["failed"]
     print(f"{failed} of {points} pilots failed ({100 * failed / points:.1f} %)")
     for key, one in content["objectives"].items():
-        row = OBJECTIVES[key]
+        row = objective(key)
         print(f"\n{row.label} of {content['loop']}" if content.get("loop") else "")
         if "anova" in one:
             _print_anova(row, one, points)
@@ -143,7 +143,7 @@ def print_sensitivity(content: Mapping[str, Any]) -> None:
 def _infinite(row: Objective, one: Mapping[str, Any], points: int) -> str:
     return (
         f"{row.label}: infinite for {one['infinite']} of {points} pilots ({100.0 * one['infinite'] / points:.1f} %), "
-        "so that it has no indices; modulus_margin always has"
+        "so that it has no indices; modulus_margin and gain_at_180 always have"
     )
 
 

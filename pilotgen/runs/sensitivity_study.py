@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pilotgen.files import to_json, write_text
-from pilotgen.objectives import OBJECTIVES
+from pilotgen.objectives import FOR_SENSITIVITY, OBJECTIVES
 from pilotgen.population.tally import signed
 from pilotgen.runs.batch import Batch, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
@@ -159,7 +159,8 @@ def _slope_points(study: Study, bounds: Mapping[str, tuple[float, float]]) -> np
 
 def _evaluate(batch: Batch, bounds: Mapping[str, tuple[float, float]], points: np.ndarray) -> dict[str, np.ndarray]:
     """Every objective at every point: NaN of a failed pilot, infinite without a crossing."""
-    found = {key: np.full(len(points), np.nan) for key in OBJECTIVES}
+    rows = {**OBJECTIVES, **FOR_SENSITIVITY}
+    found = {key: np.full(len(points), np.nan) for key in rows}
     for first in range(0, len(points), CHUNK):
         chunk = points[first : first + CHUNK]
         pilots = [
@@ -168,7 +169,7 @@ def _evaluate(batch: Batch, bounds: Mapping[str, tuple[float, float]], points: n
         ]
         for k, result in enumerate(batch.evaluate(pilots), start=first):
             if result["status"] == "ok":
-                for key, objective in OBJECTIVES.items():
+                for key, objective in rows.items():
                     found[key][k] = objective.of(result) if objective.signed else signed(objective, result)
         batch.report(milestone=True)
     return found

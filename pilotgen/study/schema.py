@@ -18,7 +18,7 @@ from functools import cache
 from typing import Any
 
 from pilotgen.errors import StudyError
-from pilotgen.objectives import DEFAULT_OBJECTIVES, OBJECTIVES
+from pilotgen.objectives import DEFAULT_OBJECTIVES, FOR_SENSITIVITY, OBJECTIVES
 from pilotgen.study.fields import (
     MAYO,
     MULTIBODY,
@@ -380,7 +380,9 @@ SCHEMA: Mapping[str, Field] = {
     "sensitivity": Section(default=None, null=True, meaning="which numbers `pilotgen sensitivity` varies"),
     "sensitivity.variables": ByName(entry=bounds, default=None, meaning="bounds; those of the search if left out"),
     "sensitivity.objectives": Words(
-        tuple(OBJECTIVES), default=("modulus_margin", "gain_margin_db"), meaning="whose variance is shared out"
+        (*OBJECTIVES, *FOR_SENSITIVITY),
+        default=("modulus_margin", "gain_margin_db"),
+        meaning="whose variance is shared out",
     ),
     # ---- what is not known of one pilot
     **uncertain_rows(),

@@ -48,6 +48,18 @@ def test_no_crossing_is_infinite_with_the_sign_of_stability(stable: bool, wanted
     assert MODULUS_MARGIN.ranked(result) == math.copysign(0.5, wanted)
 
 
+def test_the_gain_at_the_crossing_is_there_for_every_pilot() -> None:
+    row = objectives.objective("gain_at_180")
+
+    def of(margin: float | None, stable: bool) -> float:
+        return row.of({**RESULT, "loop": {**LOOP, "gain_margin_db": margin, "stable": stable}})
+
+    assert of(6.42, True) == pytest.approx(10 ** (-6.42 / 20), rel=1e-12)
+    assert of(-3.0, False) == pytest.approx(10 ** (3.0 / 20), rel=1e-12)
+    assert of(None, True) == 0.0 < of(80.0, True) and of(None, False) == of(-70.0, False) == 1000.0
+    assert row.ranked({**RESULT, "loop": {**LOOP, "gain_margin_db": -6.0, "stable": False}}) < row.ranked(RESULT)
+
+
 def test_a_new_objective_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     row = Objective(
         "grip_motion_3hz_mm_per_m_s2", "grip motion at 3 Hz", "grip", "mm per m/s^2", "", section="bdft", worse="larger"

@@ -216,6 +216,12 @@ def test_an_infinite_margin_has_no_indices(run: Run, tmp_path: Path) -> None:
     code, out, err = run(tmp_path / "s.yaml", "-n", 16, "-o", tmp_path / "a")
     assert code == 0, err
     assert "phase margin: infinite for" in out and "so that it has no indices" in out
+    (tmp_path / "s.yaml").write_text(STUDY + "  objectives: [gain_at_180, gain_margin_db]\n")
+    code, out, err = run(tmp_path / "s.yaml", "-n", 16, "-o", tmp_path / "b", "--json")
+    found = json.loads(out)["objectives"]
+    slope = found["gain_at_180"]["slopes"]["inceptor.gearing_rad_per_m"]  # proportional to the gearing
+    assert slope == pytest.approx(10 ** (-found["gain_margin_db"]["nominal"] / 20) / 1.1, rel=1e-6)
+    assert found["gain_at_180"]["indices"]["numbers"]["pilot_damping"]["total"] > 0.0
 
 
 @pytest.mark.parametrize(
