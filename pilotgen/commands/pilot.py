@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
 WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png", "uncertain.json",
-          "uncertain.csv", "uncertain-*.png", "study.yaml", "pilot.html")  # fmt: skip
+          "uncertain.csv", "band-*.png", "study.yaml", "pilot.html")  # fmt: skip
 DRAWS = 200  # of --uncertain
 
 MOST_POLES, POLES_BELOW_HZ = 6, 10.0  # that a summary shows; result.json has all

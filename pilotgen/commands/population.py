@@ -57,6 +57,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
     )
+    parser.add_argument(
+        "--no-figures", action="store_true", help="do not draw figures, nor evaluate the pilots of their background"
+    )
     common.add_workers(parser)
     common.add_solver(parser)
     parser.set_defaults(run=run)
@@ -91,13 +94,20 @@ def run(args: argparse.Namespace) -> int:
         if args.rare is not None:
             done = rare_study(study, directory, args.number, args.rare, args.seed, options, show, say)
         else:
-            done = population_study(study, directory, args.number, args.until_width, args.seed, options, show, say)
+            done = population_study(
+                study, directory, args.number, args.until_width, args.seed, options, show, say, not args.no_figures
+            )
+            if not args.no_figures:
+                from pilotgen.figures import draw_population
+
+                draw_population(done.content, directory)
     if args.json:
         sys.stdout.write(to_json(done.content))
     else:
         (print_population if args.rare is None else print_rare)(done.content)
         print(f"{done.progress.done} people ({done.progress.served} from the journal)")
-        files = "population.json, people.csv" if args.rare is None else RESULT_NAME
+        drawn = "" if args.no_figures else ", figures"
+        files = f"population.json, people.csv{drawn}" if args.rare is None else RESULT_NAME
         print(f"results: {args.output}: {files}")
         if args.until_width is not None and done.content["stopped_by"] == "number of people":
             common.say(f"intervals are still wider than {100 * args.until_width:g} %; a larger -n narrows them")

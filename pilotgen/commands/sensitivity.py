@@ -64,6 +64,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--seed", metavar="S", type=common.seed, default=None, help="seed (default: the study's search.seed)"
     )
+    parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
     common.add_workers(parser)
     common.add_solver(parser)
     parser.set_defaults(run=run)
@@ -85,11 +86,15 @@ def run(args: argparse.Namespace) -> int:
 
     with common.long_run(args, "sensitivity", FILES, study, told) as (directory, show, say):
         done = sensitivity_study(study, directory, args.number, args.method, args.seed, options, show, say)
+        if not args.no_figures:
+            from pilotgen.figures import draw_sensitivity
+
+            draw_sensitivity(done.content, directory)
     if args.json:
         sys.stdout.write(to_json(done.content))
     else:
         print_sensitivity(done.content)
-        print(f"\nresults: {args.output / 'sensitivity.json'}")
+        print(f"\nresults: {args.output / 'sensitivity.json'}" + ("" if args.no_figures else ", figures"))
     return 0 if done.progress.failed < done.progress.done else 2
 
 
@@ -97,7 +102,9 @@ def print_sensitivity(content: Mapping[str, Any]) -> None:
     """What decides, as a sentence and a table for each objective."""
     from pilotgen.objectives import objective
     from pilotgen.sensitivity.surrogate import ENOUGH
+    from pilotgen.sensitivity.words import sentences
 
+    print("\n".join(sentences(content)))
     points, failed = content["points"], content["failed"]
     print(f"{failed} of {points} pilots failed ({100 * failed / points:.1f} %)")
     for key, one in content["objectives"].items():

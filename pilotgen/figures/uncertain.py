@@ -28,15 +28,15 @@ LABELS_HZ = (2.0, 3.0, 4.0, 5.0, 7.0)
 
 
 def draw_uncertain(content: Mapping[str, Any], directory: Path) -> None:
-    """Write uncertain-margins.png, and with bands uncertain-bdft.png and uncertain-nyquist.png.
+    """Write band-margins.png, and with bands band-bdft.png and band-nyquist.png.
 
     FileError if that fails.
     """
     if content["evaluated"]:
-        style.save(margin_spread(content), directory / "uncertain-margins.png")
+        style.save(margin_spread(content), directory / "band-margins.png")
     if content["bands"] is not None:
-        style.save(bdft_band(content), directory / "uncertain-bdft.png")
-        style.save(nyquist_band(content), directory / "uncertain-nyquist.png")
+        style.save(bdft_band(content), directory / "band-bdft.png")
+        style.save(nyquist_band(content), directory / "band-nyquist.png")
 
 
 @style.styled

@@ -17,16 +17,19 @@ from pilotgen.errors import FileError, StudyError
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.population.population import LeftOut, Person, population_of
-from pilotgen.population.tally import Tally, signed
+from pilotgen.population.tally import Tally, sentences, signed
 from pilotgen.runs.batch import OnProgress, Progress
 from pilotgen.runs.options import RunOptions
+from pilotgen.runs.plane import margin_planes
 from pilotgen.runs.session import Say, open_batch, provenance
 from pilotgen.study.study import Study
 
 CHUNK = 500  # people in memory at a time, and between two looks at the intervals
 KIND = "population"
 RESULT_NAME, PEOPLE_NAME = "population.json", "people.csv"
-FILES = (RESULT_NAME, "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "journal.sqlite*")  # in its directory
+FILES = (  # in its directory
+    RESULT_NAME, "population-*.png", "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "journal.sqlite*",
+)  # fmt: skip
 FILETYPE, VERSION = "pilotgen population", 1
 
 
@@ -47,6 +50,7 @@ def population_study(
     options: RunOptions | None = None,
     on_progress: OnProgress | None = None,
     say: Say | None = None,
+    plane: bool = False,
 ) -> PopulationRun:
     """Evaluate people of the study's population; leaves population.json and people.csv.
 
@@ -60,6 +64,8 @@ def population_study(
         Stop when every share's 95 % interval is no wider than this fraction, looked at after every 500 people.
     seed : int, optional
         Of the drawing; the study's `search.seed` by default. Person i depends on it alone.
+    plane : bool
+        Evaluate a grid over stature and mass as well, for a figure.
 
     Raises
     ------
@@ -101,15 +107,18 @@ def population_study(
             raise FileError(f"{part}: cannot be written ({error.strerror}); check space and permissions") from None
         finally:
             part.unlink(missing_ok=True)
-        content = {
+        content: dict[str, Any] = {
+            "sentence": "",
             "filetype": FILETYPE,
             "version": VERSION,
             "name": population.name,
             "who": population.limits_text(),
             **tally.as_dict(),
             "left_out": {"candidates": left_out.candidates, "people": left_out.number, "by_limit": left_out.by_limit},
+            "plane": margin_planes(batch, population) if plane else [],
             **provenance(study, KIND, batch, study.search.seed, stopped_by, options.mbdae),
         }
+        content["sentence"] = sentences(content)[0]
     write_text(directory / RESULT_NAME, to_json(content))
     return PopulationRun(content, progress)
 

@@ -22,13 +22,14 @@ from pilotgen.runs.session import Say, open_batch, provenance
 from pilotgen.sensitivity import indices
 from pilotgen.sensitivity.anova import anova, factorial_points
 from pilotgen.sensitivity.surrogate import surrogate_indices, surrogate_points
+from pilotgen.sensitivity.words import sentences
 from pilotgen.study.schema import field_of, is_whole, study_unit
 from pilotgen.study.study import Study
 
 CHUNK = 1000  # pilots in memory at a time
 KIND = "sensitivity"
 RESULT_NAME = "sensitivity.json"
-FILES = (RESULT_NAME, "journal.sqlite*")  # in its directory
+FILES = (RESULT_NAME, "sensitivity-*.png", "journal.sqlite*")  # in its directory
 FILETYPE, VERSION = "pilotgen sensitivity", 1
 METHODS = ("sobol", "morris", "surrogate", "anova")
 STEP = 0.01  # of a slope, of the number's range in the study
@@ -86,6 +87,7 @@ def sensitivity_study(
         attributes = provenance(study, KIND, batch, seed, "all points", options.mbdae)
     failed = np.isnan(next(iter(values.values())))
     content: dict[str, Any] = {
+        "sentence": "",
         "filetype": FILETYPE,
         "version": VERSION,
         "method": method,
@@ -107,6 +109,7 @@ def sensitivity_study(
             "slopes": dict(zip(bounds, indices.slopes(near, at_nominal[key]), strict=True)),
             **one,
         }
+    content["sentence"] = sentences(content)[0]
     write_text(directory / RESULT_NAME, to_json(content))
     return SensitivityRun(content, progress)
 

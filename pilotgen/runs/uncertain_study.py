@@ -132,6 +132,7 @@ def uncertain_study(
     loop = [one for _, _, one in there if one is not None]
     content: dict[str, Any] = {
         "sentence": "",
+        "sentences": [],
         "filetype": FILETYPE,
         "version": VERSION,
         "study_name": study.name,
@@ -144,7 +145,8 @@ def uncertain_study(
         "solver_version": solver_version(options.mbdae) if study.pilot.model == "multibody" else "none",
         "study_text": study.text,
     }
-    content["sentence"] = sentences(content)[0]
+    content["sentences"] = sentences(content)
+    content["sentence"] = content["sentences"][0]
     write_text(directory / DRAWS_NAME, _table(draws, values, results))
     write_text(directory / RESULT_NAME, to_json(content))
     return UncertainRun(content, progress)

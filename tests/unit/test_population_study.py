@@ -27,7 +27,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Run:
     def call(*arguments: object) -> tuple[int, str, str]:
-        code = main(["population", *(str(argument) for argument in arguments), "--quiet"])
+        code = main(["population", *(str(argument) for argument in arguments), "--quiet", "--no-figures"])
         captured = capsys.readouterr()
         return code, captured.out, captured.err
 

@@ -179,8 +179,8 @@ def test_margins_over_an_uncertain_gearing_are_known(run: Run, tmp_path: Path) -
     assert content["sentence"] in out and content["sentence"].startswith("9 of 10 such pilots have a gain margin of")
     result = json.loads((tmp_path / "a" / "result.json").read_text())
     assert result["uncertain"]["sentence"] == content["sentence"] and "bands" not in result["uncertain"]
-    pngs = {path.name for path in (tmp_path / "a").glob("uncertain-*.png")}
-    assert pngs == {"uncertain-bdft.png", "uncertain-margins.png", "uncertain-nyquist.png"}
+    pngs = {path.name for path in (tmp_path / "a").glob("band-*.png")}
+    assert pngs == {"band-bdft.png", "band-margins.png", "band-nyquist.png"}
 
 
 def test_two_workers_draw_the_same(run: Run, tmp_path: Path) -> None:
