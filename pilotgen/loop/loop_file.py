@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotgen.errors import FileError, PilotgenError
+from pilotgen.hdf5 import open_to_read
 from pilotgen.linear.exact import Rational, rational_from_factors, rational_from_polynomials
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.frequency_data import FrequencyData
@@ -35,6 +36,7 @@ _FACTORS = ("zeros", "poles", "gain")
 _FREQUENCIES = ("omega_rad_s", "frequency_hz")
 _VALUES = ("response", "real", "imag", "magnitude", "magnitude_db", "phase_deg")
 _COUNTS = ("open_loop_unstable_poles", "open_loop_poles_at_origin")
+_SIGNALS = ("inputs", "outputs")  # of plants
 _SAYING_NOTHING = ("note", "name", "source", "comment")
 _KNOWN = (*_STATE_SPACE, *_POLYNOMIALS, *_FACTORS, *_FREQUENCIES, *_VALUES, *_COUNTS)
 _WANTED = "wanted are A, B, C, D; or num, den; or zeros, poles, gain; or omega_rad_s (or frequency_hz) with response"
@@ -62,11 +64,12 @@ def read_loop(path: Path) -> LoopFile:
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """Return what a .json or .mat file holds, by key. FileError if it cannot be read."""
+    """Return what a .json, .mat or .h5 file holds, by key. FileError if it cannot be read."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise FileError(f"{path}: more than {MOST_BYTES // 1_000_000} MB; a loop of that size is not read")
-        return _read_mat(path) if path.suffix.lower() == ".mat" else _read_json(path)
+        readers = {".mat": _read_mat, ".h5": _read_h5, ".hdf5": _read_h5}
+        return readers.get(path.suffix.lower(), _read_json)(path)
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror or error})") from None
 
@@ -118,6 +121,9 @@ def _read_mat(path: Path) -> dict[str, Any]:
                     f"{path}: {key} is a sparse matrix of shape {value.shape}; {MOST_STATES} states are read"
                 )
             value = value.toarray()
+        if key in _SIGNALS and isinstance(value, np.ndarray) and value.dtype.names:  # an array of structs
+            found[key] = _structs(value)
+            continue
         if key in _KNOWN and (not isinstance(value, np.ndarray) or value.dtype.kind not in "iufc"):
             kind = value.dtype.names or value.dtype if isinstance(value, np.ndarray) else type(value).__name__
             raise FileError(
@@ -125,6 +131,60 @@ def _read_mat(path: Path) -> dict[str, Any]:
             )
         found[key] = value
     return found
+
+
+def _structs(array: Any) -> list[dict[str, Any]]:
+    """An array of MATLAB structs as a list of mappings; empty fields stay away."""
+    found = []
+    for one in np.ravel(array):
+        fields = {name: np.ravel(one[name]) for name in array.dtype.names}
+        found.append({name: _plain(value[0]) for name, value in fields.items() if value.size})
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _read_h5(path: Path) -> dict[str, Any]:
+    """Datasets and attributes of the root; groups `inputs` and `outputs` as lists of signals, a dataset per field."""
+    import h5py
+
+    try:
+        with open_to_read(os.fspath(path)) as file:
+            found: dict[str, Any] = {key: _plain(value) for key, value in file.attrs.items()}
+            for key, item in file.items():
+                if isinstance(item, h5py.Group):
+                    if key in _SIGNALS:
+                        found[key] = _columns(path, key, item)
+                    continue
+                found[key] = _h5_value(item)
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise FileError(f"{path}: not an HDF5 file that can be read ({type(error).__name__})") from None
+    return found
+
+
+def _h5_value(item: Any) -> Any:
+    import h5py
+
+    if h5py.check_string_dtype(item.dtype) or item.dtype.kind == "S":
+        texts = np.asarray(item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[()].astype(str))
+        return str(texts) if texts.ndim == 0 else [str(one) for one in np.ravel(texts)]
+    return np.asarray(item[()])
+
+
+def _columns(path: Path, key: str, group: Any) -> list[dict[str, Any]]:
+    columns = {}
+    for name, item in group.items():
+        value = _h5_value(item)
+        columns[name] = value if isinstance(value, list) else [_plain(one) for one in np.ravel(value)]
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1:
+        raise FileError(f"{path}: the datasets of {key} differ in length; one value for each signal is wanted")
+    rows = zip(*columns.values(), strict=True)
+    return [{name: value for name, value in zip(columns, row, strict=True) if value != ""} for row in rows]
 
 
 def _kind(value: Any) -> str:

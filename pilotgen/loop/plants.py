@@ -20,9 +20,9 @@ import numpy as np
 
 from pilotgen.errors import FileError
 from pilotgen.linear.imposed_motion import PEDALS, SEAT_MOTIONS
-from pilotgen.linear.statespace import FloatArray
-from pilotgen.loop.loop_file import read_values
-from pilotgen.loop.rotorcraft_model import pade_delay
+from pilotgen.linear.statespace import FloatArray, StateSpaceModel
+from pilotgen.loop.delay import pade_delay
+from pilotgen.loop.loop_file import MOST_STATES, read_values
 from pilotgen.loop.units import CONTROLS, OUTPUT_FACTORS, POSITIVE
 from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
 from pilotgen.study.yaml_file import bundled
@@ -101,7 +101,7 @@ def _bundled() -> dict[str, Any]:
 
 
 def load_plant(name: str) -> MatrixPlant:
-    """A bundled plant by its name, or one from a JSON file.
+    """A bundled plant by its name, or one from a JSON, MATLAB or HDF5 file.
 
     Raises
     ------
@@ -110,8 +110,10 @@ def load_plant(name: str) -> MatrixPlant:
     """
     if name in bundled_plants():
         return plant_from(_bundled()[name], name)
-    if not name.endswith(".json"):
-        raise FileError(f"plant {name!r} is not known; bundled: {', '.join(bundled_plants())}; or name a .json file")
+    if not name.lower().endswith((".json", ".mat", ".h5", ".hdf5")):
+        raise FileError(
+            f"plant {name!r} is not known; bundled: {', '.join(bundled_plants())}; or name a .json, .mat or .h5 file"
+        )
     return plant_from(read_values(Path(name)), name)
 
 
@@ -121,6 +123,8 @@ def plant_from(data: Mapping[str, Any], where: str) -> MatrixPlant:
     n = len(A)
     if A.shape[1] != n:
         raise FileError(f"{where}: A has shape {A.shape}; a square matrix is wanted")
+    if n > MOST_STATES:
+        raise FileError(f"{where}: {n} states; {MOST_STATES} are read, reduce it first")
     inputs, outputs = _signals(data, "inputs", where), _signals(data, "outputs", where)
     B = _matrix(data, "B", where, n, len(inputs))
     states = [str(state) for state in data.get("states", [])]
@@ -181,6 +185,25 @@ def _delayed(plant: MatrixPlant, delays: Sequence[float]) -> MatrixPlant:
         B[:n, j], D[:, j] = plant.B[:, j] * part.D, plant.D[:, j] * part.D
         first += part.n_states
     return MatrixPlant(A, B, C, D, plant.controls, plant.motions, plant.in_percent, plant.name, plant.source)
+
+
+def one_channel(plant: MatrixPlant, motion: str, control: str) -> StateSpaceModel:
+    """One motion of the seat by one control [m/s^2 or rad/s^2 per rad].
+
+    Raises
+    ------
+    FileError
+        The plant does not have the two, or its inputs are in percent of travel, which have no gearing in rad/m.
+    """
+    if motion not in plant.motions or control not in plant.controls:
+        raise FileError(
+            f"{plant.name}: has {', '.join(plant.motions)} by {', '.join(plant.controls)}; the loop of the study is "
+            f"{motion} by {control}"
+        )
+    if plant.in_percent:
+        raise FileError(f"{plant.name}: inputs in percent of travel; a study's gearing is blade pitch, rad or deg")
+    i, j = plant.motions.index(motion), plant.controls.index(control)
+    return StateSpaceModel(plant.A, plant.B[:, j], plant.C[i], float(plant.D[i, j]))
 
 
 def roll_plant(tau_s: float, flap_1_s2: float, delay_s: float, height_m: float) -> MatrixPlant:

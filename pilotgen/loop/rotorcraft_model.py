@@ -22,14 +22,13 @@ import numpy.typing as npt
 from pilotgen.errors import FileError, PilotgenError
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import ComplexArray, StateSpaceModel, series, transfer_function, zeros_poles_gain
+from pilotgen.loop.delay import pade_delay
 from pilotgen.loop.frequency_file import FrequencyResponse, read_frequency_response
 from pilotgen.loop.heave_model import HeaveModel
+from pilotgen.loop.plants import one_channel, plant_from
 from pilotgen.loop.units import COLLECTIVE, HEAVE, stated_gain
 from pilotgen.study.fields import Mistake
 from pilotgen.study.rotorcraft import Rotorcraft
-
-DELAY_ERROR = 1e-6  # of the rational delay below DELAY_BAND_HZ, against exp(-j omega T)
-DELAY_BAND_HZ = 10.0
 
 
 class RotorcraftModel(Protocol):
@@ -124,36 +123,6 @@ def _lag(corner_rad_s: float, damping: float | None) -> list[float]:
     """Denominator of a lag of gain 1, highest power first: of first order, or of second with a damping ratio."""
     w = corner_rad_s
     return [1.0 / w, 1.0] if damping is None else [1.0 / w**2, 2.0 * damping / w, 1.0]
-
-
-def pade_delay(delay_s: float, error: float = DELAY_ERROR, band_hz: float = DELAY_BAND_HZ) -> StateSpaceModel:
-    """A rational all-pass for exp(-s T): Pade's, of the lowest order whose error below `band_hz` is at most `error`.
-
-    Built section by section from its poles (zeros mirrored), which stays well scaled at any order.
-
-    Raises
-    ------
-    PilotgenError
-        The delay is so long that order 15 does not do.
-    """
-    s = 1j * np.linspace(0.0, 2.0 * math.pi * band_hz * delay_s, 400)
-    for order in range(1, 16):
-        # sum over k of (2n-k)! n! / ((2n)! k! (n-k)!) x^k, highest power first
-        coefficients = [
-            math.factorial(2 * order - k)
-            * math.factorial(order)
-            / (math.factorial(2 * order) * math.factorial(k) * math.factorial(order - k))
-            for k in range(order, -1, -1)
-        ]
-        ratio = np.polyval(coefficients, -s) / np.polyval(coefficients, s)
-        if np.abs(ratio - np.exp(-s)).max() <= error:
-            poles = np.roots(coefficients) / delay_s
-            pairs = [p for p in poles if p.imag >= 0.0]
-            paired = [q for p in pairs for q in ((p, p.conjugate()) if p.imag > 0.0 else (complex(p.real),))]
-            return zeros_poles_gain([-p.conjugate() for p in paired], paired, (-1.0) ** order)
-    raise PilotgenError(
-        f"a delay of {delay_s:g} s is too long: no rational delay of order 15 follows it to {band_hz:g} Hz"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +233,8 @@ def read_plant(rotorcraft: Rotorcraft, motion: str = HEAVE, control: str = COLLE
 
     The file is one that `pilotgen margins` reads (docs/io_formats/loop.md), as state space or transfer function, with
     the keys `input_unit` (rad, deg; of blade pitch), `output_unit` (m/s^2, g, ft/s^2) and `output_positive` (up, down),
-    none of which has a default; of another loop than heave by the collective with more of them (`units.py`).
+    none of which has a default; of another loop than heave by the collective with more of them (`units.py`). Or it has
+    named `inputs` and `outputs` (docs/io_formats/plant.md), of which the study's loop takes one each.
 
     Raises
     ------
@@ -275,6 +245,8 @@ def read_plant(rotorcraft: Rotorcraft, motion: str = HEAVE, control: str = COLLE
 
     path = Path(rotorcraft.plant_file or "")
     values = read_values(path)
+    if "inputs" in values or "outputs" in values:  # named signals, several of them perhaps
+        return PlantFile(one_channel(plant_from(values, str(path)).called(str(path)), motion, control))
     said = {key: _text(values.get(key)) for key in _STATED}
     gain = stated_gain(said, motion, control, str(path), "a plant says it:")
     found = read_loop(path).loop  # checked whole, whatever its form

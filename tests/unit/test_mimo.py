@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import control
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 from numpy.testing import assert_allclose
 
 from pilotgen.errors import FileError, StudyError
@@ -21,18 +24,20 @@ from pilotgen.linear.imposed_motion import SEAT_MOTIONS
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.heave_model import HeaveModel
-from pilotgen.loop.loop import LoopModel
+from pilotgen.loop.loop import LoopModel, heave_loop
 from pilotgen.loop.margins import margins
 from pilotgen.loop.mimo import MatrixLoop, close
 from pilotgen.loop.plants import (
     MatrixPlant,
     bundled_plants,
     load_plant,
+    one_channel,
     plant_from,
     roll_plant,
     roll_rotorcraft,
 )
-from pilotgen.study.rotorcraft import load_rotorcraft
+from pilotgen.loop.rotorcraft_model import rotorcraft_model
+from pilotgen.study.rotorcraft import Rotorcraft, load_rotorcraft
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 15.0, 60)
 
@@ -290,3 +295,103 @@ def test_what_pilot_and_plant_do_not_share_is_refused() -> None:
     with pytest.raises(FileError, match="plant 'lynks' is not known; bundled: lynx-hover"):
         load_plant("lynks")
     assert dataclasses.is_dataclass(plant)
+
+
+# ---- files with named signals
+
+
+def named_plant(path: Path, model: StateSpaceModel, **fields: Any) -> Path:
+    """Heave by the collective, and a second channel that is nobody's business, as JSON, MATLAB or HDF5."""
+    n = model.n_states
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[n, n] = model.A, -1.0
+    B, C = np.zeros((n + 1, 2)), np.zeros((2, n + 1))
+    B[:n, 1], B[n, 0], C[1, :n], C[0, n] = model.B, 1.0, model.C, 1.0
+    D = np.array([[0.0, 0.0], [0.0, model.D]])
+    gain = math.radians(1.0) / 9.80665
+    C[1], D[1] = -gain * C[1], -gain * D[1]
+    inputs = [
+        {"control": "lateral", "unit": "deg", "positive": "left"},
+        {"control": "collective", "unit": "deg", "positive": "up"},
+    ]
+    outputs = [
+        {"motion": "roll", "unit": "deg/s^2", "positive": "right"},
+        {"motion": "heave", "unit": "g", "positive": "down", **fields},
+    ]
+    matrices = {"A": A, "B": B, "C": C, "D": D}
+    if path.suffix == ".json":
+        data = {**{key: value.tolist() for key, value in matrices.items()}, "inputs": inputs, "outputs": outputs}
+        path.write_text(json.dumps(data))
+    elif path.suffix == ".mat":
+        structs = {
+            key: np.array([tuple(one.values()) for one in signals], dtype=[(name, object) for name in signals[0]])
+            for key, signals in (("inputs", inputs), ("outputs", outputs))
+        }
+        scipy.io.savemat(path, {**matrices, **structs})
+    else:
+        with h5py.File(path, "w") as file:
+            for key, value in matrices.items():
+                file[key] = value
+            for key, signals in (("inputs", inputs), ("outputs", outputs)):
+                for name in signals[0]:
+                    file[f"{key}/{name}"] = [one[name] for one in signals]
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".json", ".mat", ".h5"])
+def test_a_study_takes_its_loop_from_a_plant_with_named_signals(tmp_path: Path, suffix: str) -> None:
+    model = HeaveModel(load_rotorcraft("iar330-puma"))
+    path = named_plant(tmp_path / f"plant{suffix}", model.state_space)
+    found = rotorcraft_model(Rotorcraft(state_space=str(path)))
+    assert_allclose(found.response(OMEGA), model.response(OMEGA), rtol=1e-9)
+    numbers = mayo_pilot(3.75, 0.28, 0.107, 0.32)
+    ours, theirs = (margins(heave_loop(numbers, one, 1.1, 0.32)) for one in (model, found))
+    assert theirs.gain_margin_db == pytest.approx(ours.gain_margin_db, rel=1e-9)
+    assert theirs.modulus_margin == pytest.approx(ours.modulus_margin, rel=1e-9)
+    plant = load_plant(str(path))
+    assert plant.controls == ("lateral", "collective") and plant.motions == ("roll", "heave")
+    with pytest.raises(
+        FileError, match="has roll, heave by lateral, collective; the loop of the study is pitch by lateral"
+    ):
+        rotorcraft_model(Rotorcraft(state_space=str(path)), "pitch", "lateral")
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"unit": "m/s"}, "unit of a signal = 'm/s' is not known"),
+        ({"positive": "right"}, "positive of a signal = 'right' is not known"),
+        ({"motion": "bounce"}, "motion of a signal = 'bounce' is not known"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".mat", ".h5"])
+def test_plants_that_do_not_say_what_they_are(
+    tmp_path: Path, suffix: str, fields: dict[str, str], message: str
+) -> None:
+    model = HeaveModel(load_rotorcraft("iar330-puma")).state_space
+    with pytest.raises(FileError, match=message):
+        load_plant(str(named_plant(tmp_path / f"plant{suffix}", model, **fields)))
+
+
+def test_hdf5_files_that_are_none(tmp_path: Path) -> None:
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\nrest")
+    with pytest.raises(FileError, match=r"a\.h5: not an HDF5 file that can be read"):
+        load_plant(str(tmp_path / "a.h5"))
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["A"] = [[-1.0]]
+        file["inputs/control"], file["inputs/unit"] = ["collective"], ["rad", "rad"]
+    with pytest.raises(FileError, match="the datasets of inputs differ in length"):
+        load_plant(str(tmp_path / "b.h5"))
+    with pytest.raises(FileError, match="cannot be read"):
+        load_plant(str(tmp_path / "no.h5"))
+    with pytest.raises(FileError, match="percent of travel; a study's gearing is blade pitch"):
+        one_channel(load_plant("xv15-hover"), "roll", "lateral")
+
+
+def test_the_xv15_has_the_printed_control_power() -> None:
+    """Half the travel (4.8 in) makes 1.68 and 2.27 rad/s^2 at once, as the report prints; damping 0.85 and 0.77 1/s."""
+    plant = load_plant("xv15-hover")
+    power = dict(zip(plant.motions, 50.0 * plant.D.max(axis=1), strict=True))
+    assert power["pitch"] == pytest.approx(1.68, abs=0.01) and power["roll"] == pytest.approx(2.27, abs=0.015)
+    assert sorted(np.linalg.eigvals(plant.A)) == pytest.approx([-0.85, -0.77])
+    assert (plant.D >= 0.0).all()

@@ -19,10 +19,11 @@ from pilotgen.errors import FileError, PilotgenError, StudyError
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.linear.statespace import StateSpaceModel
+from pilotgen.loop.delay import pade_delay
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.margins import Margins, margins
-from pilotgen.loop.rotorcraft_model import Chained, RotorcraftModel, pade_delay, rotorcraft_model
+from pilotgen.loop.rotorcraft_model import Chained, RotorcraftModel, rotorcraft_model
 from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft, rotorcraft_from
 from pilotgen.study.study import read_study, study_from_text
 
