@@ -31,6 +31,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "directory",
         metavar="DIR",
+        nargs="?",
         type=common.user_path,
         help="output directory of `pilotgen search` or `pilotgen sample`",
     )
@@ -39,6 +40,13 @@ def add_parser(commands: Any) -> None:
         "--no-evaluations",
         action="store_true",
         help="evaluate no pilot: no curves, Bode and Nyquist figures or decks; needs no solver",
+    )
+    parser.add_argument(
+        "--compare",
+        nargs=2,
+        metavar=("DIR1", "DIR2"),
+        type=common.user_path,
+        help="in place of DIR: write comparison.html to DIR1, two studies side by side, their differences in words",
     )
     parser.add_argument(
         "--with",
@@ -64,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.results import read_results
     from pilotgen.study.study import study_from_text
 
+    if args.compare or args.directory is None:
+        return compare(args)
     if args.no_evaluations and (args.solver != "mbdae" or args.mbdae is not None):
         raise StudyError("--solver and --mbdae do nothing with --no-evaluations; leave one out")
     path = args.directory / RESULTS_NAME
@@ -91,6 +101,32 @@ def run(args: argparse.Namespace) -> int:
         common.print_json({"report": report})
     else:
         print(f"report: {report}")
+    return 0
+
+
+def compare(args: argparse.Namespace) -> int:
+    """Two studies side by side."""
+    from pilotgen.output import REPORT_FILES, claimed
+    from pilotgen.report.compare import write_comparison
+
+    if not args.compare:
+        raise StudyError("give DIR, the output directory of a study, or --compare DIR1 DIR2")
+    if args.directory is not None or args.others or args.no_evaluations or args.mbdae or args.solver != "mbdae":
+        raise StudyError(
+            "--compare reads two studies and evaluates nothing: DIR, --with, --no-evaluations, --mbdae and --solver do "
+            "nothing with it; leave them out"
+        )
+    first, second = args.compare
+    if not first.is_dir():
+        raise FileError(
+            f"{first} does not exist; --compare wants two output directories of `pilotgen search` or `sample`"
+        )
+    with claimed(first, "report", REPORT_FILES, resume=True) as directory:
+        page = write_comparison(directory, first, second)
+    if args.json:
+        common.print_json({"comparison": page})
+    else:
+        print(f"comparison: {page}")
     return 0
 
 

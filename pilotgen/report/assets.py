@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 DATA = Path(__file__).parent.parent / "data"
 VENDOR, OWN = DATA / "vendor", DATA / "report"
 SCRIPTS = (
-    "decode.js", "model.js", "state.js", "look.js", "chart.js", "clouds.js", "responses.js", "figure.js", "tables.js",
-    "decks.js", "main.js",
+    "decode.js", "model.js", "state.js", "look.js", "tip.js", "chart.js", "clouds.js", "responses.js", "figure.js",
+    "tables.js", "decks.js", "main.js",
 )  # fmt: skip
 _LICENSES = {"uPlot": "LICENSE-uPlot", "three": "LICENSE-three"}
 
@@ -48,6 +48,14 @@ def script_texts(solid: bool) -> tuple[str, ...]:
     texts = [f"/*!\n{_plain(VENDOR / _LICENSES[name])}*/\n{_plain(VENDOR / file)}" for name, file in libraries]
     own = [name for name in SCRIPTS if solid or name != "figure.js"]
     return (*texts, "\n".join(_plain(OWN / name) for name in own))
+
+
+@functools.cache
+def comparison_scripts() -> tuple[str, ...]:
+    """Scripts of the page that compares two studies."""
+    library = f"/*!\n{_plain(VENDOR / _LICENSES['uPlot'])}*/\n{_plain(VENDOR / 'uPlot.iife.min.js')}"
+    own = ("decode.js", "state.js", "look.js", "tip.js", "chart.js", "comparison.js")
+    return (library, "\n".join(_plain(OWN / name) for name in own))
 
 
 def _plain(path: Path) -> str:

@@ -102,15 +102,14 @@ def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-def _told(kind: str, title: str) -> Callable[[Path, str, Mapping[str, Any]], Section]:
-    """A reader of a file that tells its own sentence."""
-
-    def make(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
-        found = content.get("sentences") or content["sentence"]
-        told = (found,) if isinstance(found, str) else tuple(str(one) for one in found)
-        return Section(kind, title, source, told, str(content.get("answer", "")), None, _pictures(directory))
-
-    return make
+def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+    told = [str(content["sentence"]), *(str(one) for one in content.get("caveats") or ())]
+    proposal = content.get("proposal")
+    answer = ""
+    if isinstance(proposal, Mapping):
+        words = "; ".join(str(one) for one in proposal.get("cures") or ())
+        answer = words if words and proposal.get("reached") else "nothing that was tried does alone"
+    return Section("cures", "What would cure it", source, tuple(told), answer, None, _pictures(directory))
 
 
 def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
@@ -143,7 +142,7 @@ def _pictures(directory: Path, names: str = "*") -> tuple[Picture, ...]:
 _READERS: Mapping[str, Callable[[Path, str, Mapping[str, Any]], Section]] = {
     "population.json": _population,
     "sensitivity.json": _sensitivity,
-    "cures.json": _told("cures", "What would cure it"),
+    "cures.json": _cures,
     "uncertain.json": _uncertain,
     "results.json": _identification,
 }

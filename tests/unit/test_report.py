@@ -376,7 +376,7 @@ def test_extrapolations_are_grouped_by_biometric():
 
 
 def test_extrapolations_are_told_for_multibody_pilots(made, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(page, "png", lambda figure: b"")  # nobody looks
+    monkeypatch.setattr("pilotgen.report.stills.png", lambda figure: base64.b64decode(PIXEL))  # nobody looks
     _, results, _ = made
     study = mayo_study()
     body = dataclasses.replace(study, pilot=dataclasses.replace(study.pilot, model="multibody"))
