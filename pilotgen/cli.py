@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 from pilotgen import __version__
-from pilotgen.errors import EvaluationError, IncompleteOutput, PilotgenError, without_memory
+from pilotgen.errors import NO_MEMORY, EvaluationError, IncompleteOutput, PilotgenError, without_memory
 from pilotgen.study.fields import did_you_mean
 from pilotgen.terminal import Door, standard_streams, stop_on_signals
 
@@ -59,11 +59,6 @@ EXIT_ERROR = 1
 EXIT_FAILED = 2
 EXIT_INCOMPLETE = 4
 EXIT_INTERNAL = 70
-
-NO_MEMORY = (
-    "out of memory; a limit (ulimit -v, a job's memory) is too low, or the machine has no more: about 1.5 GB of "
-    "address space and 250 MB of memory are wanted for each process"
-)
 
 EXIT_CODES: Mapping[int, str] = {  # the same table stands in docs/exit_codes.md
     0: "done as asked",

@@ -44,6 +44,7 @@ from pilotgen.solver.client import SolverClient, find_mbdae
 from pilotgen.solver.matrices import Matrices, read_matrices
 from pilotgen.solver.mbdyn import find_mbdyn, run_mbdyn
 from pilotgen.solver.protocol import SolverReply
+from pilotgen.solver.scratch import PLACE as SCRATCH_PLACE
 from pilotgen.solver.scratch import ScratchDirectory
 from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.study import Reflex, Study
@@ -122,6 +123,7 @@ class EvaluationContext:
         self._client: SolverClient | None = None
         self._scratch = ScratchDirectory()
         self.scratch = self._scratch.path
+        self._put_last: tuple[str, int] | None = None
 
     @property
     def client(self) -> SolverClient:
@@ -166,6 +168,7 @@ class EvaluationContext:
 
     def _put(self, name: str, text: str) -> None:
         data = memoryview(text.encode())
+        self._put_last = name, len(data)
         try:  # by system calls: a file object costs more than the writing
             file = os.open(f"{self.scratch}/{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
             try:
@@ -175,14 +178,19 @@ class EvaluationContext:
                 os.close(file)
         except OSError as error:
             raise FileError(
-                f"{self.scratch}: {name} cannot be handed to the solver ({error.strerror}); check space in the "
-                "directory for temporary files (TMPDIR)"
+                f"{self.scratch}: {name} cannot be handed to the solver ({error.strerror}); check space there, or name "
+                f"another place by the environment variable {SCRATCH_PLACE}"
             ) from None
 
     def put_modes(self, torso: SeatedTorso | None) -> None:
         """Put the file with a torso's modes, if it has any, where the decks go that read it."""
         if torso is not None and torso.modes is not None:
             self._put(FEM_NAME, torso.modes.fem)
+
+    def check_scratch(self) -> None:
+        """Raise FileError if the scratch directory, and no pilot, is why something failed."""
+        if self._put_last is not None:
+            self._scratch.check(*self._put_last)
 
     def close(self) -> None:
         """Stop the solver and remove the scratch directory."""
@@ -211,6 +219,11 @@ def evaluate(
         The pilot's own values, and anything else that he has other than the study by its path (`Study.values`).
     keep : Path, optional
         Decks and matrices.h5 stay in that directory.
+
+    Raises
+    ------
+    FileError
+        What any pilot would meet: a full disk, a scratch directory that is gone.
     """
     plain = _plain(values)
     try:
@@ -218,8 +231,11 @@ def evaluate(
             return _evaluate_mayo(context, plain)
         return _evaluate_multibody(context, plain, keep)
     except EvaluationError as error:
+        if error.stage in ("solver", "matrices"):
+            context.check_scratch()
         return FailedEvaluation(plain, error.stage, error.reason)
     except MatrixError as error:
+        context.check_scratch()
         return FailedEvaluation(plain, "matrices", str(error))
 
 

@@ -5,14 +5,16 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pilotgen.errors import FileError
+from pilotgen.errors import FileError, PilotgenError
 
 
 def make_directory(directory: Path) -> None:
@@ -43,6 +45,25 @@ def make_directory(directory: Path) -> None:
         raise FileError(f"{directory}: cannot be written to; {advice}")
 
 
+def refuse_special(path: str | os.PathLike[str], error: type[PilotgenError] = FileError) -> None:
+    """Raise `error` if a path leads to a pipe, a device or a socket: reading it might never end.
+
+    What is missing, and what is a directory, is for the caller to tell.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return
+    for test, what in (
+        (stat.S_ISFIFO, "a pipe"),
+        (stat.S_ISCHR, "a device"),
+        (stat.S_ISBLK, "a device"),
+        (stat.S_ISSOCK, "a socket"),
+    ):
+        if test(mode):
+            raise error(f"{os.fspath(path)} is {what}; a regular file is wanted")
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all; FileError if that fails."""
     write_bytes(path, text.encode("utf-8"))
@@ -52,11 +73,14 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write a file whole or not at all; FileError if that fails."""
     part = path.with_name(path.name + ".part")
     try:
+        if part.is_symlink() or (part.exists() and not part.is_file()):  # opening a pipe might never end
+            raise OSError(errno.EEXIST, f"{part.name} is in the way and no regular file")
         part.write_bytes(data)
         os.replace(part, path)
     except OSError as error:
         with suppress(OSError):
-            part.unlink(missing_ok=True)
+            if part.is_file() and not part.is_symlink():
+                part.unlink()
         raise FileError(f"{path}: cannot be written ({error.strerror}); check space and permissions") from None
 
 

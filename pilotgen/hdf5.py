@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pilotgen.errors import FileError, PilotgenError
+from pilotgen.files import refuse_special
 
 if TYPE_CHECKING:
     import h5py
@@ -106,6 +107,7 @@ class NewFile:
 
         self.path = Path(path)
         self._part = self.path.with_name(self.path.name + ".part")
+        refuse_special(self._part)
         try:
             self._spool = _Spool(self._part)
         except OSError as error:
@@ -193,15 +195,69 @@ def open_to_read(name: str) -> h5py.File:
     """
     import h5py
 
+    refuse_special(name)
     try:
-        return h5py.File(name, "r")
+        return guarded(h5py.File(name, "r"), name)
     except OSError as problem:
         number = re.search(r"unable to lock file, errno = (\d+)", str(problem))
         if not number:
             raise
         if int(number[1]) in (errno.EAGAIN, errno.EACCES):
             raise FileError(f"{name}: another process has it open for writing; wait until it is done") from None
-    return h5py.File(name, "r", locking=False)
+    return guarded(h5py.File(name, "r", locking=False), name)
+
+
+MOST_BYTES = 4 << 30  # of all that a file says it holds
+MOST_EXPANSION = 1100  # deflate shrinks by 1030 at most
+MOST_OBJECTS = 100_000
+
+
+def guarded(file: h5py.File, name: str) -> h5py.File:
+    """The file, if it keeps to itself and to its size; closed otherwise.
+
+    Raises
+    ------
+    FileError
+        Something in it is a link to elsewhere, is stored in another file, or is said to be larger than it can be.
+    """
+    import h5py
+
+    problem = ""
+    try:
+        size, said, groups, count = os.path.getsize(name), 0, [file["/"]], 0
+        seen: set[Any] = set()
+        while groups and not problem:
+            group = groups.pop()
+            for key in group:
+                count += 1
+                place = f"{group.name.rstrip('/')}/{key}"
+                if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                    problem = f"{place} is a link to elsewhere, which is not followed"
+                    break
+                one = group[key]
+                if isinstance(one, h5py.Group):
+                    address = h5py.h5o.get_info(one.id).addr
+                    if address not in seen:
+                        seen.add(address)
+                        groups.append(one)
+                elif isinstance(one, h5py.Dataset):
+                    if one.is_virtual or one.external:
+                        problem = f"{place} is stored in another file, which is not read"
+                        break
+                    said += one.nbytes
+                    if said > MOST_BYTES or said > MOST_EXPANSION * size:
+                        problem = f"{place} is said to have {one.nbytes} bytes, in a file of {size} bytes"
+                        break
+                if count > MOST_OBJECTS:
+                    problem = f"it holds more than {MOST_OBJECTS} objects"
+                    break
+    except _DAMAGE as damage:
+        told = str(damage.args[0]) if damage.args else type(damage).__name__
+        problem = f"it is damaged ({told})"
+    if problem:
+        file.close()
+        raise FileError(f"{name}: cannot be read: {problem}")
+    return file
 
 
 def text(value: Any) -> str:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
-from pilotgen.files import make_directory, write_text
+from pilotgen.files import make_directory, refuse_special, write_text
 
 MARK_NAME = ".pilotgen.json"
 LOCK_NAME = ".lock"
@@ -52,6 +52,7 @@ class Mark:
 def read_mark(directory: Path) -> Mark | None:
     """The mark of an output directory; None if it has none. Raises FileError if it cannot be read."""
     path = directory / MARK_NAME
+    refuse_special(path)
     try:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

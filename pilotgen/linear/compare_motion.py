@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.errors import FileError, MatrixError
+from pilotgen.files import refuse_special
 from pilotgen.hdf5 import open_to_read, opened, text
 from pilotgen.posture.kinematics import rotation, rotation_vector
 from pilotgen.solver.client import SolverClient
@@ -211,6 +212,7 @@ def report(comparison: MotionComparison) -> str:
 
 def _read_deck(deck: str | os.PathLike[str], client: SolverClient) -> _Deck:
     path = os.path.abspath(os.fspath(deck))
+    refuse_special(path)
     try:
         words = re.sub(r"#[^\n]*", "", Path(path).read_text(encoding="utf-8", errors="replace"))
     except OSError as error:
@@ -329,6 +331,7 @@ def _read_ours(path: str | os.PathLike[str]) -> tuple[Floats, dict[str, Floats]]
 
 def _read_text(path: str) -> tuple[_Tables, int, Floats | None]:
     rows: dict[int, list[list[float]]] = {}
+    refuse_special(path)
     try:
         with open(path, encoding="ascii", errors="strict") as file:
             for number, line in enumerate(file, start=1):
@@ -380,6 +383,7 @@ def _read_netcdf(path: str) -> tuple[_Tables, int, Floats | None]:
 
 
 def _netcdf(path: str) -> dict[str, Floats]:
+    refuse_special(path)
     with open(path, "rb") as file:
         magic = file.read(8)
     try:

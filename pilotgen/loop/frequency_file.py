@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotgen.errors import FileError, PilotgenError
+from pilotgen.files import refuse_special
 from pilotgen.linear.statespace import ComplexArray, FloatArray
 from pilotgen.loop.units import COLLECTIVE, HEAVE, stated_gain
 
@@ -161,6 +162,7 @@ def read_frequency_response(path: Path, motion: str = HEAVE, control: str = COLL
 
 @lru_cache(maxsize=4)
 def _read(path: Path, motion: str, control: str, _unchanged: tuple[int, ...]) -> FrequencyResponse:
+    refuse_special(path)
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:

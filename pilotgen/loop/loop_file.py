@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotgen.errors import FileError, PilotgenError
+from pilotgen.files import refuse_special
 from pilotgen.hdf5 import open_to_read
 from pilotgen.linear.exact import Rational, rational_from_factors, rational_from_polynomials
 from pilotgen.linear.statespace import StateSpaceModel
@@ -65,6 +66,7 @@ def read_loop(path: Path) -> LoopFile:
 
 def read_values(path: Path) -> dict[str, Any]:
     """Return what a .json, .mat or .h5 file holds, by key. FileError if it cannot be read."""
+    refuse_special(path)
     try:
         if path.stat().st_size > MOST_BYTES:
             raise FileError(f"{path}: more than {MOST_BYTES // 1_000_000} MB; a loop of that size is not read")

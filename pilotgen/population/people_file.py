@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError, StudyError
+from pilotgen.files import refuse_special
 from pilotgen.study.schema import SCHEMA
 from pilotgen.study.yaml_file import plain_scalar
 
@@ -39,6 +40,7 @@ def read_people(path: Path, sex: str) -> list[dict[str, Any]]:
     StudyError
         A column or a value that is not as wanted, an empty file, an empty row, the same person twice.
     """
+    refuse_special(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file, strict=True))

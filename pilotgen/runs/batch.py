@@ -13,13 +13,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pilotgen.errors import TooManyFailures
+from pilotgen.errors import FileError, TooManyFailures
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.executor import WorkerLost, Workers
 from pilotgen.runs.journal import Journal, Record, evaluation_key
 from pilotgen.study.fields import setting_text
 
 RESULTS_NAME = "study.h5"
+
+MOST_IN_A_ROW = 12  # failures that are no pilot's own; one in three, by chance, would be so in one of 500,000
+_NOT_ANSWERED = ("mbdae died", "mbdae ended", "mbdae closed", "mbdae did not answer", "protocol error", "out of memory")
+
+
+def not_his_own(result: Mapping[str, Any]) -> bool:
+    """Whether a pilot failed by something that may be the machine's fault: a solver or worker that died, or lied."""
+    stage, reason = result.get("stage"), str(result.get("reason", ""))
+    return stage in ("worker", "matrices", "internal") or (stage == "solver" and reason.startswith(_NOT_ANSWERED))
 
 
 @dataclass
@@ -82,6 +91,7 @@ class Batch:
     objectives: Sequence[str] = ()
     on_progress: OnProgress | None = None
     progress: Progress = field(default_factory=Progress)
+    _suspects: list[str] = field(default_factory=list)
 
     def warm_up(self) -> None:
         """Have the workers start and warm up with the study's nominal pilot while there is nothing to ask for yet.
@@ -112,11 +122,26 @@ class Batch:
             key = order[index]
             result, cpu_s = as_result(outcome, missing[key])
             self.journal.add(Record(key, dict(missing[key]), str(result["status"]), result, cpu_s))
+            self._watch_the_machine(key, result)
             answers[key] = result
             self.progress.evaluated += 1
             self.progress.cpu_s += cpu_s
             self._count(result)
         return [answers[key] for key in keys]
+
+    def _watch_the_machine(self, key: str, result: Mapping[str, Any]) -> None:
+        """Stop when one pilot after the other fails by what may be the machine's fault, and forget these."""
+        if not not_his_own(result):
+            self._suspects.clear()
+            return
+        self._suspects.append(key)
+        if len(self._suspects) >= MOST_IN_A_ROW:
+            self.journal.forget(self._suspects)
+            raise FileError(
+                f"{len(self._suspects)} pilots in a row failed by what is no pilot's own, the last at "
+                f"{result['stage']}: {result['reason']}; these are not recorded: look for a solver that is broken, or "
+                "a limit of memory or time, and go on with --resume"
+            )
 
     def _count(self, result: Mapping[str, Any]) -> None:
         progress = self.progress

@@ -18,6 +18,7 @@ import os
 import pickle
 import select
 import signal
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -38,6 +39,10 @@ _IN_FLIGHT = 2
 _FITS_A_PIPE_BYTES = 16384
 
 _WARMED_UP = b""  # what a worker sends when its warm-up is over; answers are never empty
+
+# A pilot is at most four calls of the solver, each within its time limit; what comes on top is Python.
+_CALLS, _OWN_TIME_S = 4, 30.0
+_LOOK_EVERY_S = 1.0  # at workers that do not answer
 
 _PATIENCE_S = 5.0  # of those who end workers, before they kill
 _PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -148,6 +153,9 @@ class _Worker:
     pipe: Connection
     given: deque[int]
     warming_up: bool  # not yet at the first of these
+    busy_s: float = 0.0  # since it was given what it is at
+    stopped_s: float = 0.0  # of these, without running at all: stopped by a signal or a debugger
+    ended_by_us: bool = False
 
 
 class ProcessWorkers:
@@ -157,10 +165,15 @@ class ProcessWorkers:
     ----------
     count : int
         Number of processes.
+    time_limit_s : float, optional
+        Of one call of the solver. A worker that is stopped for so long, or that is at one task for longer than a
+        pilot's calls may take, is killed, and its task is tried again. Without a limit nobody is.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, time_limit_s: float | None = None) -> None:
         self.count = count
+        self._limit_s = time_limit_s
+        self._looked = time.monotonic()
         self._workers: list[_Worker] = []
         self._poll = select.poll()  # of their pipes
 
@@ -189,6 +202,7 @@ class ProcessWorkers:
                     if message == _WARMED_UP:
                         worker.warming_up = False
                         continue
+                    worker.busy_s = worker.stopped_s = 0.0
                     index, succeeded, result = pickle.loads(message)
                     worker.given.remove(index)
                     if not succeeded:
@@ -239,8 +253,30 @@ class ProcessWorkers:
 
     def _ready(self) -> list[_Worker]:
         """Workers that have answered or died, at least one."""
-        events = dict(self._poll.poll())
-        return [worker for worker in self._workers if worker.pipe.fileno() in events]
+        every_s = _LOOK_EVERY_S if self._limit_s is None else min(_LOOK_EVERY_S, 0.5 * self._limit_s)
+        while True:
+            events = dict(self._poll.poll(None if self._limit_s is None else 1000.0 * every_s))
+            if self._limit_s is not None:
+                self._look(every_s)
+            if events:
+                return [worker for worker in self._workers if worker.pipe.fileno() in events]
+
+    def _look(self, every_s: float) -> None:
+        """Kill workers that are beyond their time. Time in which we were stopped ourselves does not count."""
+        assert self._limit_s is not None
+        now = time.monotonic()
+        passed = now - self._looked
+        if passed < every_s:
+            return
+        self._looked = now
+        for worker in self._workers:
+            if not (worker.given or worker.warming_up):
+                continue
+            worker.busy_s += min(passed, 2.0 * every_s)
+            worker.stopped_s = worker.stopped_s + min(passed, 2.0 * every_s) if _is_stopped(worker.process.pid) else 0.0
+            if worker.stopped_s > self._limit_s or worker.busy_s > _CALLS * self._limit_s + _OWN_TIME_S:
+                worker.ended_by_us = True
+                worker.process.kill()  # its end of the pipe tells
 
     def _handle_death(self, worker: _Worker, waiting: deque[int], deaths: list[int]) -> tuple[int, WorkerLost] | None:
         """Forget a dead worker. The task it was at comes last, or back as lost; the one behind it is not suspected."""
@@ -259,6 +295,11 @@ class ProcessWorkers:
         if deaths[at_work] < MAX_ATTEMPTS:
             waiting.append(at_work)
             return None
+        if worker.ended_by_us:
+            return at_work, WorkerLost(
+                f"the worker was stopped or stuck {MAX_ATTEMPTS} times while evaluating this pilot, beyond a time "
+                f"limit of {self._limit_s:g} s for a solver call, and was ended"
+            )
         return at_work, WorkerLost(f"the worker died {MAX_ATTEMPTS} times while evaluating this pilot")
 
     def _wait_for_ends(self) -> None:
@@ -266,6 +307,15 @@ class ProcessWorkers:
             _end(worker.process)
         self._workers.clear()
         self._poll = select.poll()
+
+
+def _is_stopped(pid: int | None) -> bool:
+    """Whether a process is stopped (SIGSTOP, SIGTSTP, a debugger)."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
+            return file.read().rpartition(")")[2].split()[0] in ("T", "t")
+    except (OSError, IndexError):
+        return False
 
 
 def _end(process: BaseProcess) -> None:

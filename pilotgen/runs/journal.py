@@ -14,15 +14,16 @@ import hashlib
 import json
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
+from pilotgen.files import refuse_special
 
-JOURNAL_VERSION = 1
+JOURNAL_VERSION = 2  # 2: every row has a checksum
 JOURNAL_NAME = "journal.sqlite"
 
 _SCHEMA = """
@@ -32,7 +33,8 @@ CREATE TABLE evaluation (
     inputs TEXT NOT NULL,       -- JSON: name -> value in study units
     status TEXT NOT NULL,       -- ok | failed
     result TEXT NOT NULL,       -- JSON: the result object
-    cpu_s REAL NOT NULL         -- CPU time of the evaluation, children included
+    cpu_s REAL NOT NULL,        -- CPU time of the evaluation, children included
+    checksum TEXT NOT NULL      -- of the five before it
 );
 """
 
@@ -45,6 +47,29 @@ def evaluation_key(fingerprint: str, inputs: Mapping[str, float | str]) -> str:
     exact = {name: value if isinstance(value, str) else float(value).hex() for name, value in inputs.items()}
     text = json.dumps([fingerprint, sorted(exact.items())])
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _checksum(key: str, inputs: str, status: str, result: str, cpu_s: float) -> str:
+    text = "\0".join((key, inputs, status, result, float(cpu_s).hex()))
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:32]
+
+
+_COLUMNS = "key, inputs, status, result, cpu_s, checksum"
+
+
+def _strict_json(text: str) -> dict[str, Any]:
+    """A JSON object of finite numbers; ValueError for anything else."""
+
+    def refuse(name: str) -> float:
+        raise ValueError(f"{name} is no number of a result")
+
+    try:
+        data = json.loads(text, parse_constant=refuse)
+    except RecursionError:
+        raise ValueError("nested without end") from None
+    if not isinstance(data, dict):
+        raise ValueError("no JSON object")
+    return data
 
 
 def _why_locked(path: Path) -> str:
@@ -77,13 +102,21 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        refuse_special(path)
         try:
             self._db = sqlite3.connect(path, isolation_level=None, timeout=30.0)
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+        try:
             self._db.execute("PRAGMA journal_mode=WAL")
             self._db.execute("PRAGMA synchronous=NORMAL")
             self._open_schema()
-        except sqlite3.Error as error:
+        except (sqlite3.Error, TypeError, AttributeError) as error:  # a table of strange values
+            self._db.close()
             raise self._explain(error) from None
+        except FileError:
+            self._db.close()
+            raise
 
     def _open_schema(self) -> None:
         tables = {row[0] for row in self._db.execute("SELECT name FROM sqlite_master WHERE type='table'")}
@@ -98,7 +131,13 @@ class Journal:
             raise FileError(
                 f"{self.path}: is an SQLite file but not a pilotgen journal; choose another output directory"
             )
+        columns = {table: {row[1] for row in self._db.execute(f"PRAGMA table_info({table})")} for table in tables}
+        if not {"name", "value"} <= columns["meta"] or not set(_COLUMNS.split(", ")[:-1]) <= columns["evaluation"]:
+            raise FileError(f"{self.path}: its tables lack columns; it is damaged, or no journal: move it aside")
         row = self._db.execute("SELECT value FROM meta WHERE name='journal_version'").fetchone()
+        if row is not None and row[0] == "1" and "checksum" not in columns["evaluation"]:
+            self._add_checksums()
+            row = (str(JOURNAL_VERSION),)
         if row is None or row[0] != str(JOURNAL_VERSION):
             raise FileError(
                 f"{self.path}: journal version {row[0] if row else 'unknown'}, this program writes version "
@@ -109,10 +148,20 @@ class Journal:
         if check is None or check[0] != "ok":
             raise sqlite3.DatabaseError(check[0] if check else "quick_check gave no answer")
 
+    def _add_checksums(self) -> None:
+        """Bring a journal of version 1 up to date."""
+        with self._transaction():
+            self._db.execute("ALTER TABLE evaluation ADD COLUMN checksum TEXT NOT NULL DEFAULT ''")
+            rows = self._db.execute("SELECT key, inputs, status, result, cpu_s FROM evaluation").fetchall()
+            self._db.executemany(
+                "UPDATE evaluation SET checksum=? WHERE key=?", [(_checksum(*row), row[0]) for row in rows]
+            )
+            self._db.execute("UPDATE meta SET value=? WHERE name='journal_version'", (str(JOURNAL_VERSION),))
+
     def _transaction(self) -> _Transaction:
         return _Transaction(self._db)
 
-    def _explain(self, error: sqlite3.Error) -> FileError:
+    def _explain(self, error: Exception) -> FileError:
         text = str(error).lower()
         if "full" in text:
             what = "the disk is full; free some space and run again with --resume (nothing recorded so far is lost)"
@@ -149,9 +198,7 @@ class Journal:
     def get(self, key: str) -> Record | None:
         """The evaluation with this key, or None."""
         try:
-            row = self._db.execute(
-                "SELECT key, inputs, status, result, cpu_s FROM evaluation WHERE key=?", (key,)
-            ).fetchone()
+            row = self._db.execute(f"SELECT {_COLUMNS} FROM evaluation WHERE key=?", (key,)).fetchone()
         except sqlite3.Error as error:
             raise self._explain(error) from None
         return None if row is None else self._record(row)
@@ -159,22 +206,23 @@ class Journal:
     def add(self, record: Record) -> None:
         """Record one evaluation; safe on disk (against the death of this process) when this returns."""
         try:
-            self._db.execute(
-                "INSERT OR REPLACE INTO evaluation VALUES (?, ?, ?, ?, ?)",
-                (
-                    record.key,
-                    json.dumps(record.inputs),
-                    record.status,
-                    _to_json(record.result),
-                    record.cpu_s,
-                ),
-            )
+            inputs, result = json.dumps(record.inputs), _to_json(record.result)
+            row = (record.key, inputs, record.status, result, record.cpu_s)
+            self._db.execute("INSERT OR REPLACE INTO evaluation VALUES (?, ?, ?, ?, ?, ?)", (*row, _checksum(*row)))
+        except sqlite3.Error as error:
+            raise self._explain(error) from None
+
+    def forget(self, keys: Sequence[str]) -> None:
+        """Take evaluations out, all or none."""
+        try:
+            with self._transaction():
+                self._db.executemany("DELETE FROM evaluation WHERE key=?", [(key,) for key in keys])
         except sqlite3.Error as error:
             raise self._explain(error) from None
 
     def __iter__(self) -> Iterator[Record]:
         try:
-            for row in self._db.execute("SELECT key, inputs, status, result, cpu_s FROM evaluation ORDER BY key"):
+            for row in self._db.execute(f"SELECT {_COLUMNS} FROM evaluation ORDER BY key"):
                 yield self._record(row)
         except sqlite3.Error as error:
             raise self._explain(error) from None
@@ -185,12 +233,20 @@ class Journal:
         except sqlite3.Error as error:
             raise self._explain(error) from None
 
-    def _record(self, row: tuple[str, str, str, str, float]) -> Record:
+    def _record(self, row: tuple[Any, ...]) -> Record:
         try:
-            return Record(row[0], json.loads(row[1]), row[2], json.loads(row[3]), row[4])
+            *found, checksum = row
+            if [type(value) for value in found] != [str, str, str, str, float] or _checksum(*found) != checksum:
+                raise ValueError("it does not have its checksum")
+            key, inputs, status, result, cpu_s = found
+            record = Record(key, _strict_json(inputs), status, _strict_json(result), cpu_s)
+            if record.status not in ("ok", "failed") or record.result.get("status", status) != status:
+                raise ValueError("its status is neither ok nor failed")
+            return record
         except ValueError as error:
             raise FileError(
-                f"{self.path}: evaluation {row[0][:12]} is damaged ({error}); move the journal aside"
+                f"{self.path}: evaluation {str(row[0])[:12]} is damaged ({error}); move the journal aside and run "
+                "again with --resume: all pilots are evaluated again"
             ) from None
 
     def close(self) -> None:

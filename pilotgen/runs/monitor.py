@@ -19,13 +19,18 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
-from pilotgen.files import write_text
+from pilotgen.files import refuse_special, write_text
 from pilotgen.output import HEARTBEAT_NAME, LOCK_NAME, read_mark
 from pilotgen.runs.batch import Progress
 from pilotgen.runs.journal import JOURNAL_NAME
 
 HEARTBEAT_S = 5.0  # between two beats, at least
 LOG_INTERVAL_S = 10.0  # between two `progress` events that are no milestones
+
+
+def _without_waiting(path: Path) -> int:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
+    return os.open(path, flags | os.O_NONBLOCK, 0o666)  # a pipe that nobody reads is an error, not a wait
 
 
 class Monitor:
@@ -57,7 +62,7 @@ class Monitor:
         self._failed = 0
         self._path = log
         try:
-            self._log = None if log is None else log.open("a", encoding="utf-8")
+            self._log = None if log is None else os.fdopen(_without_waiting(log), "a", encoding="utf-8")
         except OSError as error:
             raise FileError(f"{log}: the log cannot be written ({error.strerror})") from None
 
@@ -170,13 +175,15 @@ def read_status(directory: Path) -> Status:
     """
     journal = directory / JOURNAL_NAME
     mark = read_mark(directory) if directory.is_dir() else None
+    refuse_special(journal)
     if not journal.is_file():
         raise FileError(f"{directory} holds no study: it has no {JOURNAL_NAME}")
     stages = _failed_by_stage(journal)
     kind, complete = ("study", False) if mark is None else (mark.kind, mark.complete)
     state = "running" if _is_locked(directory) else "finished" if complete else "interrupted"
     beat: Any = None
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, FileError):
+        refuse_special(directory / HEARTBEAT_NAME)
         beat = json.loads((directory / HEARTBEAT_NAME).read_text(encoding="utf-8"))
     ok = stages.pop("", 0)
     failed = sum(stages.values())

@@ -146,7 +146,7 @@ def _recorded(directory: Path, study: Study, kind: str, print_hash: str) -> int:
     try:
         db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
         try:
-            meta = dict(db.execute("SELECT name, value FROM meta"))
+            meta = {str(name): str(value) for name, value in db.execute("SELECT name, value FROM meta")}
             count = int(db.execute("SELECT count(*) FROM evaluation").fetchone()[0])
         finally:
             db.close()

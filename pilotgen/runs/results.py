@@ -5,11 +5,12 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,8 +19,12 @@ from pilotgen.objectives import OBJECTIVES, ROBUST, Objective
 from pilotgen.posture.posture import ANGLE_NAMES
 from pilotgen.study.schema import study_unit
 
+if TYPE_CHECKING:
+    import h5py
+
 FILETYPE = "pilotgen study"
-VERSION = (1, 1)
+VERSION = (1, 2)  # 1.2: the attribute `checksum`
+CHECKSUM = "checksum"
 CHUNK_ROWS = 1024  # rows per HDF5 chunk, at most: small studies are small files
 
 
@@ -256,11 +261,14 @@ class ResultsWriter:
         for side, bound in (("lower", lower), ("upper", upper)):
             variables.create_dataset(side, data=np.asarray(bound, dtype=float)).attrs["units"] = units
         self._evaluations = self._file.create_group("evaluations", track_order=True)
+        self._texts: dict[str, Any] = {}  # column -> hash of its texts so far
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Add evaluations: the datasets of `columns_of`, the same ones every time."""
         group = self._evaluations
         for key, data in columns.items():
+            if data.dtype == object:
+                _hash_texts(self._texts.setdefault(key, hashlib.sha256()), data)
             if key not in group:
                 kind = self._text if data.dtype == object else data.dtype
                 group.create_dataset(
@@ -297,6 +305,10 @@ class ResultsWriter:
         return self
 
     def __exit__(self, kind: object, *rest: object) -> None:
+        if kind is None:
+            self._file.attrs[CHECKSUM] = _checksum(
+                self._file, {key: one.hexdigest() for key, one in self._texts.items()}
+            )
         self._new.__exit__(kind, *rest)
 
 
@@ -321,15 +333,48 @@ def write_results(
             writer.population(members, front)
 
 
+def _hash_texts(found: Any, texts: np.ndarray) -> None:
+    for one in texts:
+        found.update(str(one).encode("utf-8", "replace") + b"\0")
+
+
+def _checksum(file: h5py.File, texts: Mapping[str, str]) -> str:
+    """Hash of what HDF5 gives no checksum: attributes, variables, populations, texts of evaluations (by column)."""
+    found = hashlib.sha256()
+    attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version", CHECKSUM)}
+    for key, value in sorted(attributes.items()):
+        _hash_texts(found, np.array([key, text(value)], dtype=object))
+    for group in ("variables", "population"):
+        for name in sorted(file.get(group, ())):
+            dataset = file[group][name]
+            _hash_texts(found, np.array([group, name], dtype=object))
+            if dataset.dtype.kind == "O":
+                _hash_texts(found, dataset.asstr()[:])
+            else:
+                found.update(np.ascontiguousarray(dataset[()]).tobytes())
+    for key, one in sorted(file["evaluations"].items()):
+        for name, value in sorted(one.attrs.items()):
+            _hash_texts(found, np.array([key, name, *map(text, np.atleast_1d(value))], dtype=object))
+    for key, digest in sorted(texts.items()):
+        _hash_texts(found, np.array([key, digest], dtype=object))
+    return found.hexdigest()
+
+
 def read_results(path: Path) -> StudyResults:
     """Read study.h5; FileError if it is something else, of another version, or damaged."""
     import h5py
 
     with opened(path, FILETYPE, VERSION) as file:
-        attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version")}
-        columns = {}
+        attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version", CHECKSUM)}
+        columns, texts = {}, {}
         for key, dataset in file["evaluations"].items():
             columns[key] = dataset.asstr()[:] if h5py.check_string_dtype(dataset.dtype) else dataset[:]
+            if columns[key].dtype == object:
+                found = hashlib.sha256()
+                _hash_texts(found, columns[key])
+                texts[key] = found.hexdigest()
+        if int(file.attrs["version"][1]) >= 2 and text(file.attrs[CHECKSUM]) != _checksum(file, texts):
+            raise ValueError("it does not have its checksum")
         population = file.get("population")
         results = StudyResults(
             attributes,

@@ -122,7 +122,13 @@ def _generations(journal: Journal, settings: SearchSettings, extend: int) -> int
         raise FileError(
             f"{journal.path.parent} holds no finished search to extend; finish it first, with --resume alone"
         )
-    return max(settings.generations, int(there or 0) + extend)
+    try:
+        known = int(there or 0)
+    except ValueError:
+        raise FileError(
+            f"{journal.path}: the number of generations there is {there!r}; the journal is damaged: move it aside"
+        ) from None
+    return max(settings.generations, known + extend)
 
 
 def check_algorithm(settings: SearchSettings) -> None:

@@ -182,7 +182,7 @@ def _make_workers(options: RunOptions, most: int) -> Workers:
         from pilotgen.runs.dask import DaskWorkers
 
         return DaskWorkers(options.scheduler, count)
-    return ProcessWorkers(count)
+    return ProcessWorkers(count, options.time_limit_s)
 
 
 def _open_journal(directory: Path, study: Study, kind: str, print_hash: str, say: Say) -> Journal:

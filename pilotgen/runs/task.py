@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from pilotgen.errors import FileError, PilotgenError
+from pilotgen.errors import NO_MEMORY, FileError, PilotgenError, without_memory
 from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
 from pilotgen.runs.fingerprint import fingerprint
 from pilotgen.study.study import Study
@@ -38,6 +38,8 @@ class Task:
     fingerprint: str | None = None
     robust: bool = False  # draws of what is uncertain as well, for a robust search
 
+
+GO_ON = "nothing that was at work is recorded; put it right and go on with --resume"
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # mallopt(3)
 
@@ -104,7 +106,11 @@ def evaluated(task: Task) -> tuple[Evaluation | FailedEvaluation, float]:
             outcome = with_draws(context, _draws(task.study), outcome)
     except PilotgenError:
         raise  # a missing solver, a full disk, a wrong study: no pilot would fare better
+    except OSError as error:  # the machine's: no pilot would fare better
+        raise FileError(f"{error.filename or 'a worker'}: {error.strerror or error}; {GO_ON}") from None
     except Exception as error:  # the edge of a worker: a fault of ours on one pilot must not end the study
+        if without_memory(error):
+            raise FileError(f"{NO_MEMORY}; {GO_ON}") from None
         outcome = FailedEvaluation(task.values, "internal", f"{type(error).__name__}: {error}")
     return outcome, time.process_time() - start_cpu + context.solver_seconds - start_solver
 

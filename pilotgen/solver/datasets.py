@@ -121,7 +121,7 @@ def read_at(path: str, places: Places) -> Contents:
     FileError if it cannot be read, MatrixError if it is not what the solver told.
     """
     try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         try:
             data = os.read(file, os.fstat(file).st_size)
         finally:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, SolverError
+from pilotgen.files import refuse_special
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.matrices import Matrices, read_matrices
 
@@ -215,6 +216,7 @@ def _open_chain(deck: str, cards: PhaseCards, joint: str, gap: float, unit: str)
 
 def read_cards(path: str | os.PathLike[str]) -> PhaseCards:
     """The cards of a deck that govern the two phases; FileError when one is missing or is not a plain number."""
+    refuse_special(path)
     try:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
     except OSError as error:

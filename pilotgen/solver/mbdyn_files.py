@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotgen.errors import FileError, MatrixError
+from pilotgen.files import refuse_special
 from pilotgen.hdf5 import open_to_read
 from pilotgen.solver.descriptor import Floats
 from pilotgen.solver.matrices import Matrices, given_tables
@@ -89,6 +90,7 @@ def read_mbdyn(path: str | os.PathLike[str], layout: Matrices | None = None, ana
     """
     text_path = os.fspath(path)
     suffix = Path(text_path).suffix
+    refuse_special(path)
     if not os.path.isfile(text_path):
         raise FileError(f"{text_path}: no such file; expected MBDyn's .nc or .m output")
     if suffix == ".m":
@@ -267,6 +269,7 @@ def read_netcdf(path: str, analysis: int | None = None) -> RawEigenanalysis:
 
 def _netcdf_variables(path: str) -> dict[str, NDArray[np.float64]]:
     """Return every variable whose name starts with `eig.`, whichever of the two NetCDF containers it is in."""
+    refuse_special(path)
     with open(path, "rb") as file:
         magic = file.read(8)
     if magic[:4] in (b"CDF\x01", b"CDF\x02"):
@@ -304,6 +307,7 @@ def read_m(path: str) -> RawEigenanalysis:
 
     FileError if it cannot be read, MatrixError if it is no such file.
     """
+    refuse_special(path)
     try:
         text = Path(path).read_text(encoding="ascii")
     except (UnicodeDecodeError, OSError) as error:

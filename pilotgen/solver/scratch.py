@@ -16,7 +16,27 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
+from pilotgen.errors import FileError
+
 _PREFIX = "pilotgen-scratch-"
+PLACE = "PILOTGEN_SCRATCH"  # environment variable: where scratch directories go instead
+_PROBE_BYTES = 1 << 18
+ROOM_BYTES = 16 << 20  # a pilot's files take about 1 MB; memory with less than this left is left alone
+
+
+def _root() -> Path:
+    """Where scratch directories go: where the user says, else in memory if there is room, else where TMPDIR says."""
+    named = os.environ.get(PLACE)
+    if named:
+        if not Path(named).is_dir() or not os.access(named, os.W_OK | os.X_OK):
+            raise FileError(f"{PLACE}: {named} is no directory that can be written to; name another one, or unset it")
+        return Path(named).absolute()
+    shared_memory = Path("/dev/shm")
+    with suppress(OSError):
+        left = os.statvfs(shared_memory)
+        if os.access(shared_memory, os.W_OK | os.X_OK) and left.f_bavail * left.f_frsize >= ROOM_BYTES:
+            return shared_memory
+    return Path(tempfile.gettempdir())
 
 
 class ScratchDirectory:
@@ -29,12 +49,16 @@ class ScratchDirectory:
     """
 
     def __init__(self) -> None:
-        shared_memory = Path("/dev/shm")
-        usable = shared_memory.is_dir() and os.access(shared_memory, os.W_OK | os.X_OK)
-        root = shared_memory if usable else Path(tempfile.gettempdir())
+        root = _root()
         _remove_abandoned(root)
         while True:
-            self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=root))
+            try:
+                self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=root))
+            except OSError as error:
+                raise FileError(
+                    f"{root}: no scratch directory can be made there ({error.strerror}); check space, or name another "
+                    f"place by the environment variable {PLACE}"
+                ) from None
             handle = _lock(self.path, own=True)
             if handle is not None and self.path.is_dir():
                 break
@@ -42,6 +66,43 @@ class ScratchDirectory:
                 os.close(handle)
         self._handle = handle
         self._owner = os.getpid()
+
+    def check(self, name: str, size: int) -> None:
+        """Make sure that the directory is there, with the file that was put into it, and has room.
+
+        Parameters
+        ----------
+        name : str
+            File that was put there last.
+        size : int
+            Its size [bytes].
+
+        Raises
+        ------
+        FileError
+            It is not: whatever failed here would have failed for anybody.
+        """
+        advice = (
+            f"nothing that was at work is recorded; find out why, or name another place by the environment variable "
+            f"{PLACE}, and go on with --resume"
+        )
+        try:
+            here, ours = os.stat(self.path), os.fstat(self._handle)
+            file = os.stat(self.path / name)
+            if (here.st_dev, here.st_ino) != (ours.st_dev, ours.st_ino) or file.st_size != size:
+                raise FileNotFoundError
+        except FileNotFoundError:
+            raise FileError(f"{self.path}: was removed or emptied while it was in use; {advice}") from None
+        except OSError as error:
+            raise FileError(f"{self.path}: cannot be looked at ({error.strerror}); {advice}") from None
+        probe = self.path / ".room"
+        try:
+            probe.write_bytes(bytes(_PROBE_BYTES))
+            probe.unlink()
+        except OSError as error:
+            with suppress(OSError):
+                probe.unlink(missing_ok=True)
+            raise FileError(f"{self.path}: cannot be written to ({error.strerror}); {advice}") from None
 
     def close(self) -> None:
         """Remove the directory."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
+from pilotgen.files import refuse_special
 from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
 from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.reader import read_section
@@ -70,6 +71,7 @@ class Rotorcraft:
         """What determines its dynamics; of a file its content, not its name. FileError if that cannot be read."""
         plain = {key: value for key, value in self.given().items() if key not in ("name", "source", *_FILES)}
         if self.plant_file is not None:
+            refuse_special(self.plant_file)
             try:
                 plain["file_sha256"] = hashlib.sha256(Path(self.plant_file).read_bytes()).hexdigest()
             except OSError as error:

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from serial_workers import SerialWorkers
 
-from pilotgen.runs.batch import Batch, TooManyFailures, failures_by_reason
+from pilotgen.errors import FileError
+from pilotgen.runs.batch import MOST_IN_A_ROW, Batch, TooManyFailures, failures_by_reason
 from pilotgen.runs.executor import ProcessWorkers
 from pilotgen.runs.journal import Journal
 
@@ -93,3 +94,40 @@ def test_workers_warm_up_when_the_journal_is_empty_only(tmp_path: Path) -> None:
         batch.evaluate([{"stature_m": 1.7}])
         batch.warm_up()
     assert len(warmed_up) == 1
+
+
+def test_failures_in_a_row_that_are_no_pilots_own_stop_the_run_and_are_forgotten(tmp_path: Path) -> None:
+    """A solver that dies with everybody is the machine's fault; one that dies with some is theirs."""
+    dead = {"status": "failed", "stage": "solver", "reason": "mbdae died with signal SIGKILL on pilot.mbd"}
+
+    def dies(task: dict[str, float]) -> tuple[dict[str, Any], float]:
+        x = task["x"]
+        return (dead if x < 20 and x % 3 else evaluate({"stature_m": 1.8})[0] if x < 20 else dead), 0.0
+
+    with Journal(tmp_path / "j.sqlite") as journal:
+        batch = Batch(journal, SerialWorkers(), dies, dict, "fingerprint")
+        with pytest.raises(FileError, match=f"{MOST_IN_A_ROW} pilots in a row failed by .*SIGKILL"):
+            batch.evaluate([{"x": float(x)} for x in range(100)])
+        assert len(journal) == 19, "0 to 18 are recorded; 19 is the first of the row"
+
+
+def test_a_full_machine_is_no_pilots_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What Python says of memory, disk and processes stops a run; a fault of ours is one pilot's failure."""
+    import pickle
+
+    from study_maker import mayo_study
+
+    from pilotgen.runs import task
+
+    study = mayo_study()
+    one = task.Task(pickle.dumps(study), dict(study.nominal))
+    for error, told in (
+        (MemoryError(), "out of memory"),
+        (ImportError("libfoo.so: failed to map segment from shared object"), "out of memory"),
+        (OSError(24, "Too many open files", "/dev/null"), "/dev/null: Too many open files"),
+    ):
+        monkeypatch.setattr(task, "evaluate", lambda *_, error=error: (_ for _ in ()).throw(error))
+        with pytest.raises(FileError, match=f"{told}.*nothing that was at work is recorded"):
+            task.run_task(one)
+    monkeypatch.setattr(task, "evaluate", lambda *_: {}["x"])
+    assert task.run_task(one)[0]["stage"] == "internal"

@@ -199,3 +199,37 @@ def test_workers_at_their_warm_up_take_large_tasks_and_can_be_stopped() -> None:
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)  # type: ignore[arg-type]
+
+
+def _slowly(task: tuple[str, float]) -> str:
+    time.sleep(task[1])
+    return task[0]
+
+
+def test_a_stopped_worker_meets_the_time_limit() -> None:
+    """Stopped by a signal it cannot answer, and is no reason to wait for ever: its task goes to another."""
+    workers = ProcessWorkers(1, time_limit_s=0.4)
+    try:
+        answers = workers.run(_slowly, [("a", 0.0), ("b", 0.0), ("c", 0.3)])
+        found = [next(answers), next(answers)]
+        os.kill(workers._workers[0].process.pid, signal.SIGSTOP)
+        begin = time.monotonic()
+        found += list(answers)
+        assert sorted(result for _, result in found) == ["a", "b", "c"]
+        assert time.monotonic() - begin < 60.0
+    finally:
+        workers.close()
+
+
+def _stop_myself(_: object) -> None:
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def test_a_task_that_stops_every_worker_is_lost_in_words() -> None:
+    workers = ProcessWorkers(1, time_limit_s=0.2)
+    try:
+        ((index, lost),) = workers.run(_stop_myself, [None])
+        assert index == 0 and isinstance(lost, WorkerLost)
+        assert "stopped or stuck 3 times" in lost.reason and "time limit of 0.2 s" in lost.reason
+    finally:
+        workers.close()

@@ -259,7 +259,7 @@ def test_a_scratch_directory_that_is_gone_is_no_failure_of_a_pilot(
     monkeypatch.setattr(EvaluationContext, "__init__", without_scratch)
     refused(
         run("sample", QUICK, "-n", "8", "-o", tmp_path / "out", "--workers", "1", "--quiet"),
-        "cannot be handed to the solver .No such file or directory.; check space in the directory for temporary files",
+        "cannot be handed to the solver .No such file or directory.; check space there, or name another place",
     )
     with Journal(tmp_path / "out" / JOURNAL_NAME) as journal:
         assert len(journal) == 0

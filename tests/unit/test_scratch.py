@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from pilotgen.errors import FileError
 from pilotgen.solver.scratch import ScratchDirectory
 
 
@@ -47,4 +51,40 @@ def test_forked_copy_leaves_it_alone() -> None:
         os._exit(0)
     os.waitpid(pid, 0)
     assert scratch.path.exists()
+    scratch.close()
+
+
+def test_a_directory_that_is_gone_emptied_or_full_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PILOTGEN_SCRATCH", str(tmp_path))
+    scratch = ScratchDirectory()
+    assert scratch.path.parent == tmp_path
+    deck = scratch.path / "deck"
+    deck.write_bytes(b"1234")
+    scratch.check("deck", 4)
+    with pytest.raises(FileError, match="removed or emptied"):
+        scratch.check("deck", 5)
+    deck.unlink()
+    with pytest.raises(FileError, match="removed or emptied while it was in use; .* PILOTGEN_SCRATCH, .* --resume"):
+        scratch.check("deck", 4)
+    shutil.rmtree(scratch.path)
+    with pytest.raises(FileError, match="removed or emptied"):
+        scratch.check("deck", 4)
+    scratch.path.mkdir()  # by somebody else
+    deck.write_bytes(b"1234")
+    with pytest.raises(FileError, match="removed or emptied"):
+        scratch.check("deck", 4)
+    scratch.close()
+    monkeypatch.setenv("PILOTGEN_SCRATCH", str(tmp_path / "none"))
+    with pytest.raises(FileError, match="PILOTGEN_SCRATCH: .*none is no directory"):
+        ScratchDirectory()
+
+
+def test_memory_that_is_nearly_full_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full:
+        f_bavail, f_frsize = 100, 4096
+
+    monkeypatch.setattr("os.statvfs", lambda _: Full)
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    scratch = ScratchDirectory()
+    assert scratch.path.parent == tmp_path
     scratch.close()
