@@ -57,7 +57,7 @@ def read_mark(directory: Path) -> Mark | None:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise FileError(f"{path}: cannot be read ({error}); {_WAY_OUT}") from None
     try:
         if data["filetype"] != FILETYPE or data["version"] != VERSION:
@@ -266,7 +266,9 @@ def _write_mark(directory: Path, mark: Mark) -> None:
 @contextmanager
 def _locked(directory: Path) -> Iterator[None]:
     try:
-        handle = os.open(directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
+        handle = os.open(
+            directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644
+        )
     except OSError as error:
         raise FileError(
             f"{directory}: cannot be used for output ({error.strerror}); choose a directory you can write to"

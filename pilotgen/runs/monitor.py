@@ -182,7 +182,7 @@ def read_status(directory: Path) -> Status:
     kind, complete = ("study", False) if mark is None else (mark.kind, mark.complete)
     state = "running" if _is_locked(directory) else "finished" if complete else "interrupted"
     beat: Any = None
-    with suppress(OSError, ValueError, FileError):
+    with suppress(OSError, ValueError, RecursionError, FileError):
         refuse_special(directory / HEARTBEAT_NAME)
         beat = json.loads((directory / HEARTBEAT_NAME).read_text(encoding="utf-8"))
     ok = stages.pop("", 0)
@@ -209,7 +209,7 @@ def _failed_by_stage(journal: Path) -> dict[str, int]:
 
 def _is_locked(directory: Path) -> bool:
     try:
-        handle = os.open(directory / LOCK_NAME, os.O_RDONLY | os.O_CLOEXEC)
+        handle = os.open(directory / LOCK_NAME, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError:
         return False
     try:
