@@ -182,7 +182,10 @@ PEOPLE, BASE, NUMBERS, FEW = 20_000, 2048, 12, 256  # what a whole population an
 
 
 def _people(args: argparse.Namespace) -> Sheet:
-    """A small population and small indices, and what whole ones take at the pace from a tiny run to a small one."""
+    """A small population and small indices, and what whole ones take at the pace from a tiny run to a small one.
+
+    `idle` is by CPU time, spread over two cores.
+    """
     from pilotgen.bench import runs
 
     men, twelve = args.study.parent / "puma-population.yaml", args.study.parent / "puma-twelve.yaml"
@@ -209,20 +212,24 @@ def _people(args: argparse.Namespace) -> Sheet:
     }
     sheet: Sheet = {}
     print("\npeople and indices, 2 workers: a small run, and all of it at that pace")
-    print(f"  {'':52s} {'pilots':>8s} {'wall s':>8s} {'ms/pilot':>9s} {'peak MiB':>9s} {'all, min':>9s}")
+    print(f"  {'':52s} {'pilots':>8s} {'wall s':>8s} {'ms/pilot':>9s} {'peak MiB':>9s} {'all, min':>9s} {'idle':>7s}")
     for name, (small, large, whole, measure) in kinds.items():
         tiny, ran = measure(small), measure(large)
         each = max(ran.wall_s - tiny.wall_s, 1e-3 * ran.wall_s) / (large - small)
         minutes = (ran.wall_s + each * (whole - large)) / 60.0
         cpu_ms = 1e3 * (ran.cpu_s - tiny.cpu_s) / (large - small)
+        idle = 1e-3 * cpu_ms * whole / 2.0 / 60.0  # of two cores that do nothing else
         sheet[name] = {
             "pilots": large,
             "wall_s": ran.wall_s,
             "cpu_ms_per_pilot": cpu_ms,
             "peak_mib": ran.memory_mib,
             "all_min": minutes,
+            "all_min_idle": idle,
         }
-        print(f"  {name:52s} {large:8d} {ran.wall_s:8.1f} {cpu_ms:9.2f} {ran.memory_mib:9.0f} {minutes:9.2f}")
+        print(
+            f"  {name:52s} {large:8d} {ran.wall_s:8.1f} {cpu_ms:9.2f} {ran.memory_mib:9.0f} {minutes:9.2f} {idle:7.2f}"
+        )
     return sheet
 
 
