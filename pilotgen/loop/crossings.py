@@ -28,6 +28,7 @@ _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| belo
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
 _SURE = 1e-9  # relative round-off in a crossing's frequency or value, or in |1 + L|, beyond which it is doubtful
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
+DIM = 1e-6  # a crossing fainter than this (120 dB) may be off by its round-off and leaves no doubt about margins
 FAINT, HUGE = 1e-10, 1e10  # |L| beyond which (200 dB) a crossing is of no interest and often round-off
 _MAX_NEWTON = 100
 
@@ -211,7 +212,7 @@ class _Search:
         """Intervals that no halving decides: bracket what changes sign, and say that there is doubt."""
         if v.x0.size == 0:
             return
-        self.doubtful = True
+        self.doubtful |= bool((v.check_circle | (v.biggest + v.error > DIM)).any())
         for kind, check, f0, f1 in (
             (_REAL_AXIS, v.check_axis, v.L0.imag, v.L1.imag),
             (_UNIT_CIRCLE, v.check_circle, np.abs(v.L0) - 1.0, np.abs(v.L1) - 1.0),
@@ -321,7 +322,7 @@ class _Search:
                         self._keep(kind, x, tail, L)
                     # how fast the locus goes through the axis or the circle, against the round-off of L
                     speed = abs(S.imag) if kind == _REAL_AXIS else abs((L.conjugate() * S).real) / (abs(L) or 1.0)
-                    counts = kind == _UNIT_CIRCLE or -HUGE < L.real < -FAINT
+                    counts = kind == _UNIT_CIRCLE or -HUGE < L.real < -DIM
                     self.doubtful |= counts and round_off > _SURE * min(abs(L), x * speed)
                 else:
                     self._extremum(jobs, i, x, L, size)
@@ -331,7 +332,7 @@ class _Search:
         kind = jobs.kind[i] - _AXIS_EXTREMUM
         f = L.imag if kind == _REAL_AXIS else abs(L) - 1.0
         if abs(f) <= (_TOUCH * abs(L) if kind == _REAL_AXIS else _TOUCH):
-            self.doubtful |= kind == _UNIT_CIRCLE or -HUGE < L.real < -FAINT
+            self.doubtful |= kind == _UNIT_CIRCLE or -HUGE < L.real < -DIM
             if abs(L) > _NOISE * size:
                 self._keep(kind, x, jobs.tail[i], L)
             return

@@ -133,3 +133,30 @@ def test_the_command_proposes_what_keeps_the_limits(tmp_path: Path, capsys: pyte
     assert {k: again[k] for k in ("proposal", "cures", "sentence")} == {
         k: found[k] for k in ("proposal", "cures", "sentence")
     }
+
+
+def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
+    # filters and their delay together: L crosses the axis at 1e-8, below its round-off in frequency (77 states)
+    amounts = {
+        "lever_length": -0.023,
+        "damper": 13.8,
+        "inertia": 0.06,
+        "balance_weight": 0.62,
+        "trim_spring": 147.0,
+        "lever_angle": 0.9,
+        "grip_forward": 0.012,
+        "grip_up": -0.045,
+        "cushion": 254.0,
+        "cushion_damping": 2095.0,
+        "seat_back": 12.4,
+        "notch": 4.4,
+        "low_pass": 16.6,
+    }
+    tall = {"age_years": 25.0, "bmi": 30.0, "stature_m": 2.0}
+    pilot = pg.evaluate(STUDY, {**tall, **changes(STUDY, amounts, 3.65)})
+    omega = np.geomspace(0.1, 300.0, 60_000)  # rad/s, an independent look
+    L = pilot.open_loop()(1j * omega)
+    crossed = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0.0) & (L.real[:-1] < -1e-6))
+    largest = -L.real[crossed].min()
+    assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(largest), abs=1e-2)
+    assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-5)
