@@ -38,6 +38,12 @@ def add_parser(commands: Any) -> None:
         metavar="X,Y,Z",
         help="point about which rotations turn, from the seat reference point [m]: forward, up, right (default 0,0,0)",
     )
+    parser.add_argument(
+        "--also",
+        metavar="WHAT",
+        help="further outputs, separated by commas: head (its motion on a lumped torso), hands (their motion), moments "
+        "(of the hands about the hinges of the controls)",
+    )
     parser.add_argument("--no-washout", action="store_true", help="the body alone, without the pilot's washout")
     parser.add_argument("--order", type=int, metavar="N", help="balanced reduction to N states")
     parser.add_argument("--tolerance", type=float, metavar="T", help="balanced reduction to a relative error of T")
@@ -92,7 +98,7 @@ def _model(args: argparse.Namespace) -> Any:
     from pilotgen.solver.matrices import read_matrices
 
     model = read_pilot_model(args.directory / "pilot_model.h5")
-    if args.axes is None and args.point is None:
+    if args.axes is None and args.point is None and args.also is None:
         return model
     names = [name.strip() for name in (args.axes or "heave").split(",")]
     inputs = tuple(SEAT_MOTIONS) if names == ["all"] else tuple(names)
@@ -101,6 +107,24 @@ def _model(args: argparse.Namespace) -> Any:
             f"{args.directory}: a pilot of projection {model.projection!r} has heave alone; other axes need a "
             "multibody pilot of the exact projection"
         )
-    channels = Channels(inputs=inputs, point_m=common_point(args.point, "--point"))
+    outputs, moments = _further(args.also)
+    channels = Channels(inputs=inputs, point_m=common_point(args.point, "--point"), outputs=outputs, moments=moments)
     matrices = read_matrices(args.directory / "matrices.h5")
-    return make_pilot_model(matrices, model.lever_length_m, model.washout_rad_s, channels=channels)
+    made = make_pilot_model(matrices, model.lever_length_m, model.washout_rad_s, channels=channels)
+    if args.also and "head" in args.also and "head_up" not in made.outputs:
+        raise StudyError(f"{args.directory}: this pilot has no head of its own; pilot.torso.model = 'lumped' has one")
+    return made
+
+
+def _further(also: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Outputs by their unknowns, and names of moments."""
+    from pilotgen.errors import StudyError
+    from pilotgen.linear.imposed_motion import HANDS, HEAD, MOMENTS, rotations
+
+    wanted = [name.strip() for name in also.split(",")] if also else []
+    known = {"head": HEAD, "hands": HANDS, "moments": {}}
+    for name in wanted:
+        if name not in known:
+            raise StudyError(f"--also {also}: {name!r} is not known; known: {', '.join(known)}")
+    outputs = {key: weights for name in ("head", "hands") if name in wanted for key, weights in known[name].items()}
+    return {**rotations(), **outputs}, tuple(MOMENTS) if "moments" in wanted else ()

@@ -29,6 +29,7 @@ from pilotgen.linear.imposed_motion import (
     ImposedMotion,
     rotation_error,
     split,
+    static_motion,
     static_terms,
     translation_error,
 )
@@ -88,6 +89,8 @@ def make_pilot_model(
     Choice(PROJECTIONS).check(f"projection = {projection!r}", projection)
     check_positive("lever_length_m", lever_length_m, "m")
     names = channels or Channels()
+    if names.moments and projection == "literal":
+        raise StudyError("projection = 'literal' is eq. (31) of the paper, which knows no moments of the hands")
     rotates = any(name in ROTATIONS for name in names.inputs)
     if (projection == "literal" and len(names.inputs) > 1) or (rotates and projection == "literal"):
         raise StudyError("projection = 'literal' is eq. (31) of the paper, which knows one translation of the seat")
@@ -173,9 +176,40 @@ def _exact(imposed: ImposedMotion, modal: ModalModel) -> _Realisation:
     if not modal.diagonal:
         A = modal.A.real
         B: Numbers = np.linalg.solve(A, B1.real + np.linalg.solve(A, B2.real))
+        C, D = _with_moments(imposed, modal, C, D, A, B)
         return A, B, C.real, D, None
     lam = modal.lam[:, None]
-    return _from_modes(modal.lam, C, (lam * B1 + B2) / lam**2, D)
+    b = (lam * B1 + B2) / lam**2
+    if len(imposed.moment_rows):
+        C, D = _with_moments(imposed, modal, C, D, np.diag(modal.lam), b)
+    return _from_modes(modal.lam, C, b, D)
+
+
+def _with_moments(
+    imposed: ImposedMotion, modal: ModalModel, C: Numbers, D: Floats, A: Numbers, B: Numbers
+) -> tuple[Numbers, Floats]:
+    """C and D with a row for each moment: a (M q'' + C q' + K q + what the seat adds), q = U x, x' = A x + B z''.
+
+    q follows the seat's acceleration by two integrations, so that of U (sI - A)^-1 B only U A B, its acceleration, is
+    left in D; a tilt, whose q has u0/s^2 + u1/s besides, adds M u0 + C u1.
+    """
+    a, form = imposed.moment_rows, imposed.form
+    if not len(a):
+        return C, D
+
+    def watched(rows: Floats) -> Numbers:
+        of_unknowns = np.zeros((len(rows), len(imposed.free.names)))
+        of_unknowns[:, imposed.free.coordinates] = rows
+        return modal.watched_by(of_unknowns)
+
+    by_M, by_C, by_K = (watched(a @ matrix) for matrix in (form.M, form.C, form.K))
+    rows = (by_M @ A + by_C) @ A + by_K
+    direct = ((by_M @ A + by_C) @ B).real + a @ (form.M @ imposed.rigid + imposed.M_imposed)
+    for j, name in enumerate(imposed.inputs):
+        if SEAT_MOTIONS[name].rotation:
+            at_rest, per_rate = static_motion(imposed)
+            direct[:, j] += a @ (form.M @ at_rest + form.C @ per_rate)[:, j]
+    return np.vstack((C, rows)), np.vstack((D, direct))
 
 
 def _by_modes(imposed: ImposedMotion, modal: ModalModel) -> tuple[Numbers, Numbers, Numbers]:

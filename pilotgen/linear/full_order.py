@@ -51,8 +51,10 @@ def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 
     )
     phi_0 = imposed.g_y_imposed[free.constraint_rows, input] + form.Phi_0 @ rigid
     phi_1 = imposed.g_ydot_imposed[free.constraint_rows, input] + form.Phi_1 @ rigid
-    weights = imposed.output_matrix[output, free.coordinates]
-    along = float(weights @ rigid) + float(imposed.output_imposed[output, input])
+    watched = len(imposed.output_matrix)
+    moment = imposed.moment_rows[output - watched] if output >= watched else None
+    weights = imposed.output_matrix[output, free.coordinates] if moment is None else np.zeros(len(M))
+    along = 0.0 if moment is not None else float(weights @ rigid) + float(imposed.output_imposed[output, input])
 
     # q = T z + fixed closes the constraints between coordinates; those of rates stay equations
     by_rate = (form.Phi_1 != 0.0).any(axis=1) | (phi_1 != 0.0)
@@ -82,6 +84,10 @@ def full_order_response(imposed: ImposedMotion, omega: ArrayLike, output: int = 
         z = np.linalg.solve(pencil, -driven[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError as error:
         raise EvaluationError("feedthrough", "the full-order model is singular at one of the frequencies") from error
+    if moment is not None:  # of the hand: what the equation of the control's rotation lacks to be in equilibrium
+        q = z @ T.T + fixed
+        parts = [q @ (moment @ matrix) + moment @ forces[:, k] for k, matrix in enumerate((M, C, K))]
+        return np.asarray((s * s * parts[0] + s * parts[1] + parts[2]) / (s * s))
     response: Complexes = (z @ (weights @ T) + (float(weights @ fixed) + along)) / (s * s)
     return response
 

@@ -28,6 +28,43 @@ _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {
 }
 
 
+# Outputs for who asks: motions of head and hands relative to the seat, and the moments of the hands about the hinges.
+HEAD: Mapping[str, Mapping[str, float]] = {
+    "head_forward": {"head.x": 1.0},
+    "head_up": {"head.y": 1.0},
+    "head_to_the_right": {"head.z": 1.0},
+    "head_roll": {"head.gx": 1.0},
+    "head_pitch": {"head.gz": 1.0},
+    "head_yaw": {"head.gy": -1.0},
+}
+HANDS: Mapping[str, Mapping[str, float]] = {  # the left one moves in the plane of the lever
+    "left_hand_forward": {"hand_l.x": 1.0},
+    "left_hand_up": {"hand_l.y": 1.0},
+    "right_hand_forward": {"hand_r.x": 1.0},
+    "right_hand_up": {"hand_r.y": 1.0},
+    "right_hand_to_the_right": {"hand_r.z": 1.0},
+}
+MOMENTS: Mapping[str, str] = {  # the coordinate that each turns
+    "hand_moment_collective": "lever.gz",
+    "hand_moment_cyclic_aft": "stick.gz",
+    "hand_moment_cyclic_right": "stick.gx",
+}
+_ROTATING = ("roll", "pitch", "yaw")
+
+
+def rotations() -> dict[str, dict[str, float]]:
+    """The outputs that every pilot has: rotations of the controls."""
+    return {name: dict(weights) for name, weights in _DEFAULT_OUTPUTS.items()}
+
+
+def output_unit(name: str) -> str:
+    """Unit of an output of the pilot."""
+    if name in MOMENTS:
+        return "N m"
+    more = name in HEAD or name in HANDS
+    return "m" if more and not name.endswith(_ROTATING) else "rad"
+
+
 PEDALS = "pedals are not modelled: no leg, no foot; the controls are collective and cyclic"
 
 
@@ -70,12 +107,16 @@ class Channels:
     outputs : mapping of str to mapping of str to float
         Each output as a sum of weighted unknowns, relative to the seat's rigid motion; the collective rotation must
         come first. Outputs whose unknowns are not in the model are left out, except the collective.
+    moments : tuple of str
+        Names of `MOMENTS`, further outputs: the moment of the hand on a control about its hinge or pivot [N m],
+        positive as the control's rotation. Those of a control that is not in the model are left out.
     """
 
     seat: str = "seat"
     inputs: tuple[str, ...] = ("heave",)
     point_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     outputs: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: _DEFAULT_OUTPUTS)
+    moments: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.inputs:
@@ -84,6 +125,9 @@ class Channels:
                 raise StudyError(f"seat motion '{name}' is not known; known: {', '.join(SEAT_MOTIONS)}{why}")
         if not self.inputs or len(set(self.inputs)) != len(self.inputs):
             raise StudyError(f"seat motions must be named once each; got {', '.join(self.inputs) or 'none'}")
+        for name in self.moments:
+            if name not in MOMENTS:
+                raise StudyError(f"moment '{name}' is not known; known: {', '.join(MOMENTS)}")
         for name in self.outputs:
             if "pedal" in name:
                 raise StudyError(f"output '{name}': {PEDALS}")
@@ -104,7 +148,9 @@ class ImposedMotion:
     output_imposed : ndarray, shape (p, k)
         What the seat's own rigid motion takes off the outputs.
     inputs, outputs : tuple of str
-        Their names.
+        Their names; of the outputs first those of `output_matrix`, then those of `moment_rows`.
+    moment_rows : ndarray, shape (f, n_q)
+        Equations of equilibrium that are further outputs: what their inertia, damping and stiffness make of the motion.
     form : SecondOrderForm
         The free part without momenta.
     M_imposed, C_imposed, K_imposed : ndarray, shape (n_q, k)
@@ -125,6 +171,7 @@ class ImposedMotion:
     C_imposed: Floats
     K_imposed: Floats
     rigid: Floats
+    moment_rows: Floats
 
 
 def split(
@@ -188,6 +235,10 @@ def split(
     C_I[form.dynamic] += d_I
     rigid = _rigid_motion(free, names, positions)
     watched = output_matrix[:, free.coordinates]
+    moments = {
+        name: free.index(MOMENTS[name]) for name in names.moments if (free.names == MOMENTS[name].encode()).any()
+    }
+    moment_rows = np.array([free.coordinates == column for column in moments.values()], dtype=float)
     return ImposedMotion(
         free=free,
         g_y_imposed=g_y_I,
@@ -195,12 +246,13 @@ def split(
         output_matrix=output_matrix,
         output_imposed=-watched @ rigid,
         inputs=names.inputs,
-        outputs=tuple(outputs),
+        outputs=(*outputs, *moments),
         form=form,
         M_imposed=M_I,
         C_imposed=C_I,
         K_imposed=g_y_I[free.equilibrium_rows] + form.momentum_force @ d_I,
         rigid=rigid,
+        moment_rows=moment_rows.reshape(-1, len(free.coordinates)),
     )
 
 
@@ -316,6 +368,28 @@ def rotation_error(imposed: ImposedMotion, input: int, fall: ImposedMotion) -> t
     return worst, float(fit[0]) if surge or sway else math.nan
 
 
+def static_motion(imposed: ImposedMotion) -> tuple[Floats, Floats]:
+    """Return the free coordinates, relative to the seat, per angle of tilt and its rate term, shapes (n_q, k).
+
+    EvaluationError if the model is singular at rest.
+    """
+    form, free = imposed.form, imposed.free
+    phi_0, phi_1 = imposed.g_y_imposed[free.constraint_rows], imposed.g_ydot_imposed[free.constraint_rows]
+    Phi_0, Phi_1, B, phi_0, phi_1 = _independent(form, phi_0, phi_1)
+    n_q = len(form.M)
+    stiff = np.block([[form.K, B], [Phi_0, np.zeros((len(Phi_0), B.shape[1]))]])
+    damp = np.block([[form.C, np.zeros_like(B)], [Phi_1, np.zeros((len(Phi_0), B.shape[1]))]])
+    # relative to the rigid motion: forces are small there, and what is left is not a difference of large ones
+    rest = np.vstack((form.K @ imposed.rigid + imposed.K_imposed, Phi_0 @ imposed.rigid + phi_0))
+    rate = np.vstack((form.C @ imposed.rigid + imposed.C_imposed, Phi_1 @ imposed.rigid + phi_1))
+    try:
+        at_rest = np.linalg.solve(stiff, -rest)
+        per_rate = np.linalg.solve(stiff, -(rate + damp @ at_rest))
+    except np.linalg.LinAlgError as error:
+        raise EvaluationError("feedthrough", "the pilot has no standing deflection: a motion is free") from error
+    return at_rest[:n_q], per_rate[:n_q]
+
+
 def static_terms(imposed: ImposedMotion) -> Floats:
     """Return F(0) and F'(0) of F(s) = output per imposed motion, shape (p, k, 2).
 
@@ -325,21 +399,12 @@ def static_terms(imposed: ImposedMotion) -> Floats:
     term: y/z'' = F(s)/s^2 has the double pole F(0)/s^2 + F'(0)/s at s = 0.
     """
     form, free = imposed.form, imposed.free
-    phi_0, phi_1 = imposed.g_y_imposed[free.constraint_rows], imposed.g_ydot_imposed[free.constraint_rows]
-    Phi_0, Phi_1, B, phi_0, phi_1 = _independent(form, phi_0, phi_1)
-    n_q = len(form.M)
-    stiff = np.block([[form.K, B], [Phi_0, np.zeros((len(Phi_0), B.shape[1]))]])
-    damp = np.block([[form.C, np.zeros_like(B)], [Phi_1, np.zeros((len(Phi_0), B.shape[1]))]])
-    # relative to the rigid motion: forces are small there, and what is left is not a difference of large numbers
-    rest = np.vstack((form.K @ imposed.rigid + imposed.K_imposed, Phi_0 @ imposed.rigid + phi_0))
-    rate = np.vstack((form.C @ imposed.rigid + imposed.C_imposed, Phi_1 @ imposed.rigid + phi_1))
-    try:
-        at_rest = np.linalg.solve(stiff, -rest)
-        per_rate = np.linalg.solve(stiff, -(rate + damp @ at_rest))
-    except np.linalg.LinAlgError as error:
-        raise EvaluationError("feedthrough", "the pilot has no standing deflection: a motion is free") from error
+    at_rest, per_rate = static_motion(imposed)
     watched = imposed.output_matrix[:, free.coordinates]
-    return np.stack((watched @ at_rest[:n_q], watched @ per_rate[:n_q]), axis=2)
+    a = imposed.moment_rows
+    moments = a @ (form.K @ (at_rest + imposed.rigid) + imposed.K_imposed)
+    moment_rates = a @ (form.K @ per_rate + form.C @ (at_rest + imposed.rigid) + imposed.C_imposed)
+    return np.stack((np.vstack((watched @ at_rest, moments)), np.vstack((watched @ per_rate, moment_rates))), axis=2)
 
 
 def _independent(form: SecondOrderForm, phi_0: Floats, phi_1: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:

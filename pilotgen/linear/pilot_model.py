@@ -279,9 +279,11 @@ class PilotModel:
 
     def all_outputs(self, washout: bool) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
         """Return the state space with every output and the grip motion, their names and units."""
+        from pilotgen.linear.imposed_motion import output_unit
+
         A, B, C, D = self.state_space(range(len(self.outputs)), washout)
         C, D = np.vstack([C, self.lever_length_m * C[0]]), np.vstack([D, self.lever_length_m * D[0]])
-        return A, B, C, D, [*self.outputs, GRIP_OUTPUT], ["rad"] * len(self.outputs) + ["m"]
+        return A, B, C, D, [*self.outputs, GRIP_OUTPUT], [*map(output_unit, self.outputs), "m"]
 
     @property
     def input_units(self) -> tuple[str, ...]:
