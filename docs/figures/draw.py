@@ -1,17 +1,23 @@
 """Draw the figures of the documentation again.
 
-`python docs/figures/draw.py` draws those of docs/validation.md (about two minutes), and
-`python docs/figures/draw.py results/puma-bmi/study.h5` those of README.md from a finished search.
+`python docs/figures/draw.py` draws those of docs/validation.md (about two minutes),
+`python docs/figures/draw.py results/puma-bmi/study.h5` those of README.md from a finished search, and
+`python docs/figures/draw.py results/population results/sensitivity results/uncertain` those of docs/studies/README.md
+from what `pilotgen population`, `sensitivity` and `pilot --uncertain` left there.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import json
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -20,11 +26,17 @@ import numpy as np
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.figures import all_individuals, nyquist, style
 from pilotgen.figures.identification import identification
+from pilotgen.figures.population import plane
+from pilotgen.figures.sensitivity import indices
+from pilotgen.figures.uncertain import nyquist_band
 from pilotgen.linear.full_order import full_order_response
 from pilotgen.report.findings import worst_order
 from pilotgen.runs.results import read_results
 from pilotgen.study.study import read_study, study_from_text
 from pilotgen.virtual.identify import identify
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "studies" / "puma-bmi.yaml"
@@ -105,9 +117,28 @@ def searched(path: Path) -> None:
     style.save(nyquist(pilots), HERE / "nyquist.png")
 
 
+def people(directory: Path) -> None:
+    """people.png, decides.png or known.png: what population.json, sensitivity.json or uncertain.json says."""
+    for name, draw, target in (
+        ("population", population_plane, "people.png"),
+        ("sensitivity", lambda content, _: indices(content), "decides.png"),
+        ("uncertain", lambda content, _: nyquist_band(content), "known.png"),
+    ):
+        path = directory / f"{name}.json"
+        if path.is_file():
+            style.save(draw(json.loads(path.read_text(encoding="utf-8")), directory), HERE / target)
+
+
+def population_plane(content: Mapping[str, Any], directory: Path) -> Figure:
+    """Margins over stature and mass, with the people of people.csv."""
+    with (directory / "people.csv").open(encoding="utf-8", newline="") as file:
+        return plane(content, list(csv.DictReader(file)))
+
+
 if __name__ == "__main__":
     if len(sys.argv) > 1:
-        searched(Path(sys.argv[1]))
+        for argument in map(Path, sys.argv[1:]):
+            (people if argument.is_dir() else searched)(argument)
     else:
         projection()
         simulated()

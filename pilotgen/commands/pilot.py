@@ -15,6 +15,7 @@ from pilotgen.commands import common
 from pilotgen.errors import StudyError
 from pilotgen.files import to_json
 from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
+from pilotgen.progress_line import counted
 from pilotgen.study.fields import setting_text
 from pilotgen.study.loop_section import COLLECTIVE, HEAVE, LoopSignals
 from pilotgen.study.schema import SCHEMA
@@ -154,7 +155,7 @@ def spread_lines(told: Mapping[str, Any]) -> list[str]:
     from pilotgen.uncertain.spread import sentences
 
     what = ", ".join(told["what"])
-    lines = [f"uncertain  {told['draws']} draws of {what}"]
+    lines = [f"uncertain  {counted(told['draws'], 'draw')} of {what}"]
     lines += [f"           {sentence}" for sentence in sentences(told)]
     quantiles = next(iter(told["margins"].values()))["quantiles"]
     lines.append(f"{'share of draws below':27}" + "".join(f"{100 * float(q):>8g} %" for q in quantiles))

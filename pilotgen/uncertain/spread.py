@@ -15,8 +15,10 @@ from scipy.special import bdtr
 from pilotgen.objectives import OBJECTIVES, below_limits, place_of_quantile
 from pilotgen.population.shares import Share
 from pilotgen.population.tally import signed
+from pilotgen.progress_line import counted
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+FEW = 20  # draws, of which the smallest is the 5 % quantile
 OUTSIDE = 0.025  # of an interval, on either side
 
 
@@ -102,7 +104,8 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     told = []
     for key, row in OBJECTIVES.items():
         found, share = content["margins"][key], content["shares"].get(key)
-        ends = [found["quantiles"][q]["value"] for q in ("0.05", "0.95")]
+        few = evaluated < FEW  # draws: these are all that can be told
+        ends = [found["quantiles"][q]["value"] for q in (("0.01", "0.99") if few else ("0.05", "0.95"))]
         if ends[0] is None:
             continue
         nominal = content["nominal"][key]
@@ -110,7 +113,8 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
             f"{ends[0]:.{row.digits}f} to {row.text(ends[1])}" if ends[1] is not None else f"from {row.text(ends[0])}"
         )
         as_said = f"; the study's own numbers give {row.text(nominal)}" if nominal is not None else ""
-        text = f"9 of 10 such pilots have a {row.label} of {number}{as_said}"
+        who = f"The {counted(evaluated, 'draw')} evaluated" if few else "9 of 10 such pilots"
+        text = f"{who} {'has' if evaluated == 1 else 'have'} a {row.label} of {number}{as_said}"
         if share is not None:
             text += f"; {_percent(share)} are below {row.text(share['limit'])}"
         told.append(text + ".")
