@@ -101,7 +101,7 @@ def nyquist_band(content: Mapping[str, Any]) -> Figure:
     axes.set_xlabel("Re L")
     axes.set_ylabel("Im L")
     axes.set_title(f"loop L(jω), {f_hz[0]:g} to {f_hz[-1]:g} Hz, frequency by frequency")
-    axes.legend(loc="lower right", fontsize=7.5)
+    axes.legend(loc="upper right", fontsize=7.5)
     return figure
 
 

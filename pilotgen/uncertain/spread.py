@@ -110,7 +110,9 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
             continue
         nominal = content["nominal"][key]
         number = (
-            f"{ends[0]:.{row.digits}f} to {row.text(ends[1])}" if ends[1] is not None else f"from {row.text(ends[0])}"
+            f"{ends[0]:.{row.digits}f} to {row.text(ends[1])}"
+            if ends[1] is not None
+            else f"at least {row.text(ends[0])}"
         )
         as_said = f"; the study's own numbers give {row.text(nominal)}" if nominal is not None else ""
         who = f"The {counted(evaluated, 'draw')} evaluated" if few else "9 of 10 such pilots"
