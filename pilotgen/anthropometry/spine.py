@@ -394,6 +394,11 @@ def _check(springs: Sequence[SpineSpring], place: Mapping[str, int]) -> None:
         raise EvaluationError(
             "torso", "the springs that carry do not lead from the seat to every body of the spine on one way"
         )
+    stiffness, damping = (np.array([getattr(s, what) for s in springs]) for what in ("stiffness", "damping"))
+    numbers = np.concatenate((stiffness, damping))
+    carrying = stiffness[[spring.carries for spring in springs]]
+    if np.isfinite(numbers).all() and (numbers >= 0.0).all() and (carrying > 0.0).all():
+        return
     for spring in springs:
         if spring.carries and not all(math.isfinite(k) and k > 0.0 for k in spring.stiffness):
             raise EvaluationError(

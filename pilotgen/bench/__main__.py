@@ -18,6 +18,12 @@ from typing import Any
 from pilotgen.runs.executor import pin_threads
 
 Sheet = dict[str, Any]
+# Pilots other than one arm with the study's torso: what they have in their studies (`runs.variant`).
+_PILOTS: dict[str, dict[str, Any]] = {
+    "one arm, rigid torso": {"limbs": ["left"], "torso": "rigid"},
+    "one arm, torso in modes": {"limbs": ["left"], "torso": "modes"},
+    "two arms": {"limbs": ["left", "right"]},
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -86,10 +92,8 @@ def _stages(args: argparse.Namespace) -> Sheet:
         multibody = read_study(args.study).pilot.model == "multibody"
         if multibody:
             arms = {
-                "one arm": runs.variant(args.study, directory, "one", limbs=["left"]),
-                "one arm, rigid torso": runs.variant(args.study, directory, "rigid", limbs=["left"], torso="rigid"),
-                "one arm, torso in modes": runs.variant(args.study, directory, "modes", limbs=["left"], torso="modes"),
-                "two arms": runs.variant(args.study, directory, "two", limbs=["left", "right"]),
+                name: runs.variant(args.study, directory, name.replace(" ", "-"), **pilot)
+                for name, pilot in {"one arm": {"limbs": ["left"]}, **_PILOTS}.items()
             }
         for name, path in arms.items():
             study = read_study(path)
@@ -143,16 +147,22 @@ def _search(args: argparse.Namespace) -> Sheet:
     sheet: Sheet = {}
     with tempfile.TemporaryDirectory(prefix="pilotgen-bench-") as text:
         directory = Path(text)
-        search = read_study(args.study).search
+        study = read_study(args.study)
+        search = study.search
         population, generations = (20, 3) if args.quick else (search.population, search.generations)
         small = max(1, generations // 5)
         full = runs.variant(args.study, directory, "full", population=population, generations=generations)
         part = runs.variant(args.study, directory, "part", population=population, generations=small)
-        kinds = (
+        kinds = [
             (f"{generations} generations, 2 workers", full, 2),
             (f"{generations} generations, 1 worker", full, 1),
             (f"{small} generations, 2 workers", part, 2),
-        )
+        ]
+        if study.pilot.model == "multibody":
+            size = {"population": population, "generations": small}
+            for name, pilot in _PILOTS.items():
+                path = runs.variant(args.study, directory, name.replace(" ", "-"), **size, **pilot)
+                kinds.append((f"the same, {name}", path, 2))
         sheet.update((name, []) for name, _, _ in kinds)
         for _ in range(repeat):  # in turn: machines change their speed, and these are compared with each other
             for name, path, workers in kinds:

@@ -6,6 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import functools
+import importlib
 import pickle
 import tempfile
 import time
@@ -28,7 +29,7 @@ from pilotgen.search import Problem
 from pilotgen.solver.matrices import read_matrices
 from pilotgen.study.study import Study
 
-# stage -> functions of the chain, by their names in pilotgen.evaluation
+# stage -> functions of the chain, by their names in pilotgen.evaluation, or MODULE:FUNCTION
 STAGES: dict[str, tuple[str, ...]] = {
     "body and cockpit": ("biometrics_from", "make_body", "make_cockpit", "reflex_gains"),
     "posture: first guess": ("first_guess",),
@@ -39,6 +40,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "matrices: read": ("read_matrices",),
     "activations": ("solve_activations",),
     "torso": ("make_torso", "seat_torso"),
+    "torso: its modes": ("pilotgen.posture.seated_spine:torso_modes",),
     "modes and feedthrough": ("make_pilot_model", "mayo_pilot"),
     "certificate": ("certificate",),
     "loop and margins": ("close_loop",),
@@ -115,11 +117,12 @@ def measure(bench: EvaluationContext, pilots: list[dict[str, float]]) -> Measure
     failed = 0
     pickled = pickle.dumps(bench.study)
     with tempfile.TemporaryDirectory() as directory, mock.patch.object(EvaluationContext, "ask", timed_ask):
-        patches = [
-            mock.patch.object(evaluation, name, watch.wrap(stage, getattr(evaluation, name)))
-            for stage, names in STAGES.items()
-            for name in names
-        ]
+        patches = []
+        for stage, names in STAGES.items():
+            for name in names:
+                module, _, function = name.rpartition(":")
+                place = importlib.import_module(module) if module else evaluation
+                patches.append(mock.patch.object(place, function, watch.wrap(stage, getattr(place, function))))
         for patch in patches:
             patch.start()
         try:

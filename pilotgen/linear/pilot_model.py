@@ -360,17 +360,10 @@ def real_blocks(poles: Complexes, left: Complexes, right: Complexes) -> tuple[Fl
     right (r, m) with the conjugate of each pair's first member as its second. A pair becomes the block
     [[a, b], [-b, a]].
     """
-    r = len(poles)
-    A, B, C = np.zeros((r, r)), np.zeros((r, right.shape[1])), np.zeros((len(left), r))
-    k = 0
-    while k < r:
-        a, b = poles[k].real, poles[k].imag
-        if b == 0.0:
-            A[k, k], B[k], C[:, k] = a, right[k].real, left[:, k].real
-            k += 1
-        else:
-            A[k : k + 2, k : k + 2] = [[a, b], [-b, a]]
-            B[k], B[k + 1] = right[k].real, -right[k].imag
-            C[:, k], C[:, k + 1] = 2.0 * left[:, k].real, 2.0 * left[:, k].imag
-            k += 2
+    A, B, C = np.diag(poles.real), right.real.copy(), left.real.copy()
+    first = np.flatnonzero(poles.imag > 0.0)
+    second = first + 1
+    A[first, second], A[second, first] = poles.imag[first], -poles.imag[first]
+    B[second] = -right[first].imag
+    C[:, first], C[:, second] = 2.0 * left[:, first].real, 2.0 * left[:, first].imag
     return A, B, C

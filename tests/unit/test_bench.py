@@ -45,7 +45,7 @@ def test_stages_add_up_to_the_whole(mbdae: Path) -> None:
         measured = stages.measure(context, pilots)
         spent_ms = 1e3 * (time.process_time() - start) / len(pilots)
         assert evaluate(context, pilots[0]).result == first  # the stopwatches are gone
-    assert set(measured.python_ms) >= set(stages.STAGES) - {"body and cockpit"}
+    assert set(measured.python_ms) >= set(stages.STAGES) - {"body and cockpit", "torso: its modes"}
     assert len(measured.solver_ms) == 3
     assert all(value > 0.0 for value in measured.solver_ms.values())
     python_ms = sum(measured.python_ms.values())
