@@ -99,6 +99,17 @@ Eigen::VectorXd velocity_error(const Model& model, const State& state, Equations
   return rates.rate.tail(model.reaction_count()) + eq.g.tail(model.reaction_count()) - position_error(model, eq);
 }
 
+// Leaves out what no motion of the nodes can close: constraints of states alone, and what genels impose.
+void leave_others(const Model& model, const Eigen::MatrixXd& Phi, Eigen::VectorXd& error) {
+  for (const ConstraintEntry& entry : model.constraints()) {
+    const bool genel = entry.data->type->card == CardKind::genel;
+    for (int k = 0; k < entry.constraint->size(); ++k) {
+      const int row = entry.constraint->first() + k - model.reaction_start();
+      if (genel || Phi.row(row).isZero(0.0)) error(row) = 0.0;
+    }
+  }
+}
+
 void note_worst(const Model& model, const Eigen::VectorXd& error, Correction* out) {
   Eigen::Index worst = 0;
   error.cwiseAbs().maxCoeff(&worst);
@@ -167,7 +178,9 @@ Correction close_constraints(Model& model, State& state) {
     State unloaded = state;
     unloaded.y.setZero();
     model.add_reduced_constraints(unloaded, eq, true);
-    const Eigen::VectorXd error = position_error(model, eq);
+    const Eigen::MatrixXd Phi = constraint_matrix(model, eq, false);
+    Eigen::VectorXd error = position_error(model, eq);
+    leave_others(model, Phi, error);
     if (i == 0) note_worst(model, error, &out);
     out.left = error.cwiseAbs().maxCoeff();
     if (!(out.left > kClosed) || out.left >= before) return out;  // closed, or as far as round-off lets it
@@ -178,7 +191,6 @@ Correction close_constraints(Model& model, State& state) {
       gone.segment<3>(6 * static_cast<Eigen::Index>(k)) = state.nodes[k].x - start[k].x;
       gone.segment<3>(6 * static_cast<Eigen::Index>(k) + 3) = rotation_log(state.nodes[k].R * start[k].R.transpose());
     }
-    const Eigen::MatrixXd Phi = constraint_matrix(model, eq, false);
     const Eigen::VectorXd step = -gone - shortest_solution(Phi).solve(error - Phi * gone);
     out.moved = (gone + step).cwiseAbs().maxCoeff();
     for (std::size_t k = 0; k < start.size(); ++k) {

@@ -13,7 +13,6 @@
 
 #include "mbdae/dae/dense_linear_solver.h"
 #include "mbdae/dae/ida_equations.h"
-#include "mbdae/dae/ida_scalars.h"
 #include "mbdae/dae/jumps.h"
 #include "mbdae/dae/recorder.h"
 
@@ -21,14 +20,15 @@ namespace mbdae {
 
 namespace {
 
-using ida_detail::IdaIntegrator;
+using ida_detail::IdaEquations;
 using ida_detail::time_text;
 
 // Newton's iteration stops at this part of the local error test, so that constraints hold far better than the
 // tolerance; at tight tolerances round-off [relative to unity] sets the limit, and SUNDIALS' default is never exceeded.
 constexpr double kNewtonCoefficient = 1e-3, kRoundOff = 1e-14, kLooseNewton = 0.33;
 
-constexpr int kMostRestarts = 50;  // between two instants written, where constraints cease to be redundant
+// Between two instants written: where constraints cease to be redundant, and ends of elements' modes.
+constexpr int kMostRestarts = 50, kMostEnds = 10000;
 
 constexpr double kNotQuite = 1e-10;  // violation at the start worth a word [m, rad]
 
@@ -36,7 +36,7 @@ constexpr double kNotQuite = 1e-10;  // violation at the start worth a word [m, 
 // where needed.
 constexpr double kFirstStep = 0.1;
 
-constexpr long kStepsPerOutput = 100000;
+constexpr long kStepsPerOutput = 100000, kStepsWithScalars = 1000000;
 
 struct IdaDeleter {
   void operator()(void* memory) const { IDAFree(&memory); }
@@ -49,8 +49,13 @@ Eigen::Map<Eigen::VectorXd> view(const VectorPtr& vector, int size) { return {N_
 /// SUNDIALS' objects for one integration.
 class Ida {
  public:
-  Ida(IdaIntegrator& equations, const InitialValueData& settings, const IntegrateOptions& options)
-      : equations_(equations), settings_(settings), options_(options), n_(equations.size()), context_(make_context()) {
+  Ida(IdaEquations& equations, const InitialValueData& settings, const IntegrateOptions& options, bool scalars)
+      : equations_(equations),
+        settings_(settings),
+        options_(options),
+        n_(equations.size()),
+        context_(make_context()),
+        most_steps_(scalars ? kStepsWithScalars : kStepsPerOutput) {
     for (VectorPtr* vector : {&y_, &ydot_, &id_, &tolerance_}) vector->reset(N_VNew_Serial(n_, context_.get()));
     matrix_.reset(SUNDenseMatrix(n_, n_, context_.get()));
     solver_ = make_dense_solver(context_.get(), false);
@@ -63,10 +68,12 @@ class Ida {
     equations_.start(equations_.accelerations(), view(y_, n_), view(ydot_, n_), view(id_, n_), options_.atol,
                      view(tolerance_, n_));
     const int flag = started_ ? IDAReInit(ida_.get(), t, y_.get(), ydot_.get())
-                              : IDAInit(ida_.get(), IdaIntegrator::residual, t, y_.get(), ydot_.get());
+                              : IDAInit(ida_.get(), IdaEquations::residual, t, y_.get(), ydot_.get());
     if (flag != IDA_SUCCESS) throw std::bad_alloc();
     if (!started_) set_up();
     started_ = true;
+    if (IDASetId(ida_.get(), id_.get()) != IDA_SUCCESS) throw std::bad_alloc();
+    t_ = t;
     IDASetInitStep(ida_.get(), std::min(settings_.time_step, kFirstStep * std::sqrt(options_.rtol)));
   }
 
@@ -78,15 +85,26 @@ class Ida {
 
   double t() const { return t_; }
   Eigen::Map<const Eigen::VectorXd> y() const { return {N_VGetArrayPointer(y_.get()), n_}; }
+  Eigen::Map<const Eigen::VectorXd> ydot() const { return {N_VGetArrayPointer(ydot_.get()), n_}; }
+
+  /// Which elements have ended their modes, after IDA_ROOT_RETURN.
+  std::vector<int> ended() const {
+    std::vector<int> roots(equations_.with_modes().size());
+    IDAGetRootInfo(ida_.get(), roots.data());
+    return roots;
+  }
 
   [[noreturn]] void fail(int flag) {
-    const Eigen::Map<const Eigen::VectorXd> speeds(N_VGetArrayPointer(ydot_.get()), n_);
     if (flag == IDA_TOO_MUCH_WORK) {
       throw NotConverged(
-          "time integration stopped at t = " + time_text(t_) + " s: " + std::to_string(kStepsPerOutput) +
+          "time integration stopped at t = " + time_text(t_) + " s: " + std::to_string(most_steps_) +
           " steps did not reach the next instant to write; loosen the tolerances, or integrate with `ms`");
     }
-    const std::string where = equations_.worst_equation(t_, y(), speeds);
+    const std::string where = equations_.worst_equation(t_, y(), ydot());
+    if (flag == IDA_ROOT_RETURN) {
+      throw NotConverged("time integration stopped at t = " + time_text(t_) + " s (friction chatters): " + where +
+                         "; loosen the tolerances, or integrate with `ms`");
+    }
     const std::unique_ptr<char, void (*)(void*)> name(IDAGetReturnFlagName(flag), std::free);
     throw NotConverged("time integration stopped at t = " + time_text(t_) + " s (" + name.get() + "): " + where +
                        "; loosen the tolerances, or look for a motion that the joints do not allow");
@@ -94,20 +112,23 @@ class Ida {
 
  private:
   void set_up() {
+    const int modes = static_cast<int>(equations_.with_modes().size());
     if (IDASVtolerances(ida_.get(), options_.rtol, tolerance_.get()) != IDA_SUCCESS ||
-        IDASetUserData(ida_.get(), &equations_) != IDA_SUCCESS || IDASetId(ida_.get(), id_.get()) != IDA_SUCCESS ||
+        IDASetUserData(ida_.get(), &equations_) != IDA_SUCCESS ||
         IDASetSuppressAlg(ida_.get(), SUNTRUE) != IDA_SUCCESS ||
         IDASetLinearSolver(ida_.get(), solver_.get(), matrix_.get()) != IDA_SUCCESS ||
-        IDASetJacFn(ida_.get(), IdaIntegrator::jacobian) != IDA_SUCCESS) {
+        IDASetJacFn(ida_.get(), IdaEquations::jacobian) != IDA_SUCCESS ||
+        (modes > 0 && IDARootInit(ida_.get(), modes, IdaEquations::mode_margins) != IDA_SUCCESS)) {
       throw std::bad_alloc();
     }
     IDASetErrHandlerFn(ida_.get(), ignore_message, nullptr);
+    IDASetNoInactiveRootWarn(ida_.get());
     IDASetNonlinConvCoef(
         ida_.get(), std::clamp(kRoundOff / std::min(options_.rtol, options_.atol), kNewtonCoefficient, kLooseNewton));
-    IDASetMaxNumSteps(ida_.get(), kStepsPerOutput);
+    IDASetMaxNumSteps(ida_.get(), most_steps_);
   }
 
-  IdaIntegrator& equations_;
+  IdaEquations& equations_;
   const InitialValueData& settings_;
   const IntegrateOptions& options_;
   int n_;
@@ -117,6 +138,7 @@ class Ida {
   SolverPtr solver_;
   std::unique_ptr<void, IdaDeleter> ida_;
   bool started_ = false;
+  long most_steps_;
   double t_ = 0.0;
 };
 
@@ -137,29 +159,13 @@ Motion integrate_ida(Model& model, const State& state, const InitialValueData& s
       throw ModelError(joint_title(*entry.data) + " " + why);
     }
   }
-  if (model.scalar_count() > 0) {
-    bool modal = !model.flexible().empty();
-    for (const NodeSlot& slot : model.slots()) modal |= slot.modal;
-    if (modal) {
-      throw ModelError("IDA has no equations for modal joints beside abstract nodes or friction: integrate with `ms`");
-    }
-    if (at_instant) {
-      throw ModelError(
-          "IDA does not stop on the way in a deck with abstract nodes, genels or friction: give a method " +
-          std::string("that is here, `ms`"));
-    }
-    count_steps(settings);
-    State start = state;
-    const Eigen::VectorXd accelerations = solve_accelerations(model, start);
-    return integrate_ida_with_scalars(model, start, accelerations, settings, options);
-  }
   const double t0 = settings.initial_time, h = settings.time_step;
   const long steps = count_steps(settings);
   const std::vector<Jump> jumps = find_jumps(model.deck().pieced_drives, settings);
   std::size_t next_jump = 0;
   std::vector<std::string> notes;
 
-  IdaIntegrator equations(model, state);
+  IdaEquations equations(model, state);
   double from = t0;  // where the drives' present piece begins
   if (!jumps.empty() && jumps.front().before <= t0) from = jumps[next_jump++].after;
   const auto stop = [&] { return next_jump < jumps.size() ? jumps[next_jump].before : settings.final_time; };
@@ -170,14 +176,15 @@ Motion integrate_ida(Model& model, const State& state, const InitialValueData& s
     notes.push_back(off_text(
         model, open, "the joints do not quite meet at the start: ", "; the nodes were moved to close it, by at most "));
   }
-  Ida ida(equations, settings, options);
+  Ida ida(equations, settings, options, model.scalar_count() > 0);
   ida.start(t0);
   double started = t0;
-  int restarts = 0;  // since the last instant written
+  int restarts = 0, ends = 0;  // since the last instant written
 
   MotionRecorder recorder(model, options.channels);
   recorder.record(closed ? equations.state() : state, t0);
-  for (long k = options.output_every; steps > 0; k += options.output_every, restarts = 0) {
+  model.accept(equations.state());
+  for (long k = options.output_every; steps > 0; k += options.output_every, restarts = ends = 0) {
     if (k > steps) {
       if (k - options.output_every == steps) break;
       k = steps;  // the last instant is always written
@@ -186,13 +193,26 @@ Motion integrate_ida(Model& model, const State& state, const InitialValueData& s
     bool written = false;
     while (!written) {
       const int flag = ida.advance(target, std::min(stop(), settings.final_time));
+      if (flag == IDA_ROOT_RETURN) {  // an element ends its mode: begin again in the next one
+        if (++ends > kMostEnds) ida.fail(flag);
+        const std::vector<int> ended = ida.ended();
+        equations.output(ida.t(), ida.y(), ida.ydot());
+        equations.end_modes(ended);
+        started = ida.t();
+        ida.start(started);
+        continue;
+      }
       const bool at_jump = flag >= 0 && next_jump < jumps.size() && ida.t() >= jumps[next_jump].before;
       if (flag < 0 && (flag == IDA_TOO_MUCH_WORK || !(ida.t() > started) || ++restarts > kMostRestarts)) ida.fail(flag);
       // The instant of a jump is the one before it.
       written = flag >= 0 && (!at_jump || target <= jumps[next_jump].after);
-      if (written) recorder.record(equations.output(target, ida.y()), target);
+      if (written) {
+        const State& now = equations.output(target, ida.y(), ida.ydot());
+        model.accept(now);
+        recorder.record(now, target);
+      }
       if (flag >= 0 && !at_jump && !equations.stale()) break;
-      equations.state_of(ida.t(), ida.y());
+      equations.state_of(ida.t(), ida.y(), ida.ydot());
       started = ida.t();
       if (at_jump) {
         started = jumps[next_jump++].after;

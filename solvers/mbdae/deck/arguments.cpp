@@ -7,14 +7,9 @@
 #include <limits>
 #include <utility>
 
-#include "mbdae/deck/source.h"
-
 namespace mbdae::reading {
 namespace {
 
-constexpr std::size_t kDeepestInclude = 32;
-constexpr int kMostIncludes = 10000;
-constexpr std::size_t kMostCharacters = std::size_t{256} << 20;  // of a deck with all its includes, 256 MiB
 constexpr std::size_t kLongestKeyword = 64;
 
 void append_lower(std::string_view word, std::string* text) {
@@ -29,19 +24,6 @@ bool ends_argument(const Token& token) { return token.is(",") || token.is(";"); 
 bool ends_words(const Token& token) { return ends_argument(token) || token.is(":") || token.kind == TokenKind::end; }
 
 }  // namespace
-
-void Input::open(std::string text, const std::string& name) { push(std::move(text), name); }
-
-void Input::push(std::string text, const std::string& name) {
-  const int file = diagnostics_.add_file(name);
-  characters_read_ += text.size();
-  auto source =
-      std::make_unique<Source>(Source{std::move(text), name, {}, TokenStream(Lexer(std::string_view(), file))});
-  std::string_view view = source->text;
-  if (view.substr(0, 3) == "\xef\xbb\xbf") view.remove_prefix(3);  // byte order mark
-  source->tokens = TokenStream(Lexer(view, file));
-  sources_.push_back(std::move(source));
-}
 
 void Input::next_token() { tokens().take(); }
 
@@ -166,28 +148,6 @@ void Input::ignore_arguments() {
   }
 }
 
-void Input::include() {
-  const SourcePosition where = this->where();
-  const std::string name = string("a file name in quotes");
-  end_card();
-  const std::string path = relative_to(sources_.back()->name, name);
-  const std::string canonical = canonical_name(path);
-  for (const auto& source : sources_) {
-    if (source->canonical.empty()) source->canonical = canonical_name(source->name);
-    if (source->canonical == canonical) fail(where, "include loop: " + quoted(path) + " is being read already");
-  }
-  if (sources_.size() > kDeepestInclude) {
-    fail(where, "includes nested deeper than " + std::to_string(kDeepestInclude) + " files");
-  }
-  if (++includes_ > kMostIncludes) fail(where, "more than " + std::to_string(kMostIncludes) + " files are included");
-  std::string text, problem;
-  if (!load_text(path, &text, &problem)) fail(where, "cannot include " + quoted(path) + ": " + problem);
-  if (characters_read_ + text.size() > kMostCharacters) {
-    fail(where, "the deck and its includes are larger than 256 MiB together");
-  }
-  push(std::move(text), path);
-}
-
 void Input::set() {
   const std::size_t before = symbols_->size();
   expression_.clear();
@@ -287,6 +247,21 @@ bool Input::take_numbered(const char* keyword, std::string_view number) {
   return true;
 }
 
+int Input::take_card(Choices choices) {
+  const std::optional<Words> words = peek_words();
+  if (!words) return -1;
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (!words->is(choices[i])) continue;
+    std::size_t ahead = 0;
+    while (tokens().peek(ahead).kind == TokenKind::word) ++ahead;
+    if (!tokens().peek(ahead).is(":")) return -1;
+    for (std::size_t k = 0; k <= ahead; ++k) next_token();
+    after_comma_ = false;
+    return static_cast<int>(i);
+  }
+  return -1;
+}
+
 int Input::take_any(Choices choices) {
   const char letter = first_letter();
   for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -296,12 +271,16 @@ int Input::take_any(Choices choices) {
 }
 
 int Input::keyword(Choices choices, const char* what) {
-  need([&] { return std::string("a ") + what + ": " + joined(choices); });
+  const auto expected = [&] {
+    const bool vowel = std::string_view("aeio").find(*what) != std::string_view::npos;
+    return (vowel ? "an " : "a ") + std::string(what) + ": " + joined(choices);
+  };
+  need(expected);
   const int found = take_any(choices);
   if (found >= 0) return found;
   const std::optional<Words> words = peek_words();
   const Token& token = tokens().peek();
-  if (!words) fail(token.where, "found " + described(token) + ", expected a " + what + ": " + joined(choices));
+  if (!words) fail(token.where, "found " + described(token) + ", expected " + expected());
   const std::string hint = suggestion(words->text, choices);
   fail(token.where, (hint.empty() ? "not supported: the " : "unknown ") + std::string(what) + " " +
                         quoted(words->written) + ", expected: " + joined(choices) + hint);

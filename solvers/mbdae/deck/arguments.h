@@ -59,6 +59,10 @@ class Input {
   void ignore_arguments();
   /// `include: "file";`
   void include();
+  /// `chdir: "directory";`: where relative names of files in this file are looked for from here on.
+  void change_directory();
+  /// A file that the deck names, as seen from the file being read.
+  std::string path_of(const std::string& name) const;
   /// `set: ...;`
   void set();
   SourcePosition card_position() const { return card_position_; }
@@ -78,6 +82,8 @@ class Input {
   int take_any(Choices choices);
   /// The argument must be one of the choices; `what` names the kind of thing ("joint type") in messages.
   int keyword(Choices choices, const char* what);
+  /// Takes the argument if it is one of the cards `CARD:` within another card, else -1.
+  int take_card(Choices choices);
   /// The argument as plain words, without taking it; nullopt if it is something else.
   std::optional<Words> peek_words();
   /// True if `peek_words` has something to give.
@@ -120,6 +126,8 @@ class Input {
   }
   Diagnostics& diagnostics() { return diagnostics_; }
   const Symbols& symbols() const { return *symbols_; }
+  /// From here on `Time` has a value, 0, in what is read.
+  void start_clock() { symbols_->knows_time = true; }
   /// Value of model::current("L0") for the expressions to come [m]; null to forget it.
   void set_current_length(const double* length) { state_.current_length = length; }
 
@@ -128,6 +136,7 @@ class Input {
     std::string text;
     std::string name;
     std::string canonical;  ///< name; empty until an include asks for it
+    std::string directory;  ///< by `chdir`; empty: that of the file
     TokenStream tokens;
   };
 

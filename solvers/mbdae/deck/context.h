@@ -13,6 +13,7 @@
 
 #include "mbdae/deck/arguments.h"
 #include "mbdae/deck/deck.h"
+#include "mbdae/drive/file_drive.h"
 
 namespace mbdae::reading {
 
@@ -105,7 +106,10 @@ struct Context {
   Registry<Law3> laws3{"3D constitutive law"};
   Registry<Law6> laws6{"6D constitutive law"};
   Registry<Nothing> bodies{"body"};
-  Registry<std::size_t> joints{"joint"};  ///< index in Deck::joints
+  Registry<FileTablePtr> file_drivers{"file driver"};
+  int file_drives = 0;                             ///< drives read so far that read a file driver
+  std::unordered_set<std::uint32_t> file_callers;  ///< drive callers with such a drive in them
+  Registry<std::size_t> joints{"joint"};           ///< index in Deck::joints
   Registry<std::size_t> genels{"genel"};
   Registry<std::size_t> forces{"force"};
   Registry<std::size_t> abstract_nodes{"abstract node"};
@@ -117,6 +121,7 @@ struct Context {
   Count force_count{"forces", {}, {}};
   Count abstract_node_count{"abstract nodes", {}, {}};
   Count genel_count{"genels", {}, {}};
+  Count driver_count{"file drivers", {}, {}};
   Count gravity_count{"gravity", {}, {}};
 
   std::uint64_t initial_value_cards = 0;  ///< one bit for every card of the initial value block seen

@@ -41,7 +41,6 @@ constexpr const char* kOtherCounts[] = {"electric nodes",
                                         "bulk elements",
                                         "electric bulk elements",
                                         "electric elements",
-                                        "file drivers",
                                         "hydraulic elements",
                                         "induced velocity elements",
                                         "inertia",
@@ -60,11 +59,85 @@ constexpr const char* kKnown[] = {"structural nodes",
                                   "rigid bodies",
                                   "joints",
                                   "forces",
+                                  "file drivers",
                                   "gravity",
                                   "model",
                                   "skip initial joint assembly",
                                   "default orientation",
                                   "use automatic differentiation"};
+
+/// What `default output` may name.
+constexpr const char* kOutputs[] = {"all",
+                                    "none",
+                                    "except",
+                                    "reference frames",
+                                    "drive callers",
+                                    "abstract nodes",
+                                    "electric nodes",
+                                    "hydraulic nodes",
+                                    "structural nodes",
+                                    "accelerations",
+                                    "parameter nodes",
+                                    "thermal nodes",
+                                    "aerodynamic elements",
+                                    "aeromodals",
+                                    "air properties",
+                                    "automatic structural elements",
+                                    "beams",
+                                    "bulk elements",
+                                    "electric bulk elements",
+                                    "electric elements",
+                                    "forces",
+                                    "genels",
+                                    "gravity",
+                                    "hydraulic elements",
+                                    "induced velocity elements",
+                                    "inertia",
+                                    "joints",
+                                    "loadable elements",
+                                    "loadables",
+                                    "plates",
+                                    "rigid bodies",
+                                    "rotors",
+                                    "solids",
+                                    "surface loads",
+                                    "thermal elements",
+                                    "user defined elements"};
+/// What `use` may name.
+constexpr const char* kAssembled[] = {"rigid bodies",
+                                      "gravity",
+                                      "forces",
+                                      "beams",
+                                      "aerodynamic elements",
+                                      "joints",
+                                      "loadable elements",
+                                      "in assembly",
+                                      "automatic structural elements",
+                                      "genels",
+                                      "rotors",
+                                      "plates"};
+
+/// The arguments of cards that have no effect, where what they may be is known.
+void check_arguments(Input& input, const Words& card) {
+  const auto all_of = [&](Choices choices, const char* what) {
+    while (input.more()) input.keyword(choices, what);
+  };
+  if (card.is("default output")) {
+    all_of(kOutputs, "kind of output");
+  } else if (card.is("use")) {
+    all_of(kAssembled, "kind of element");
+  } else if (card.is("omega rotates")) {
+    input.yes_no();
+  } else if (card.is("title")) {
+    input.string("a title in quotes");
+  } else if (card.is("output frequency")) {
+    const SourcePosition where = input.where();
+    const std::int64_t steps = input.integer("a number of time steps");
+    if (steps < 1) input.fail(where, "found " + std::to_string(steps) + " time steps, expected 1 or more");
+  } else {
+    input.ignore_arguments();
+  }
+}
 
 bool listed(const Words& card, Choices choices) {
   for (const char* choice : choices) {
@@ -90,7 +163,7 @@ void read_control_data_card(Context& context, const Words& card) {
                                                   "orientation matrix"};
   Input& input = context.input;
   for (Count* count : {&context.node_count, &context.abstract_node_count, &context.body_count, &context.joint_count,
-                       &context.genel_count, &context.force_count}) {
+                       &context.genel_count, &context.force_count, &context.driver_count}) {
     if (!card.is(count->card)) continue;
     read_count(context, count);
     input.end_card();
@@ -109,7 +182,7 @@ void read_control_data_card(Context& context, const Words& card) {
   } else if (card.is("use automatic differentiation")) {
     input.diagnostics().warning(card.where, "`use automatic differentiation` has no effect");
   } else if (listed(card, kWithoutEffect)) {
-    input.ignore_arguments();
+    check_arguments(input, card);
   } else if (listed(card, kOtherCounts)) {
     if (input.integer("a number of entities") != 0) {
       input.fail(card.where, "not supported: " + quoted(card.written) + " (only 0 of them)");
@@ -128,7 +201,7 @@ void read_control_data_card(Context& context, const Words& card) {
 
 void check_counts(Context& context) {
   for (const Count* count : {&context.node_count, &context.abstract_node_count, &context.body_count,
-                             &context.joint_count, &context.genel_count, &context.force_count}) {
+                             &context.joint_count, &context.genel_count, &context.force_count, &context.driver_count}) {
     const std::int64_t announced = count->announced.value_or(0);
     if (announced == count->found) continue;
     std::string message = std::string("the control data announce ") + std::to_string(announced) + " " + count->card +

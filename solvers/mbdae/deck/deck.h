@@ -68,9 +68,10 @@ struct NodeData {
 
 struct DummyNodeData {
   Identity id;
-  NodeIndex base = 0;
-  Vec3 offset = Vec3::Zero();        ///< in the base node's frame [m]
-  Mat3 rotation = Mat3::Identity();  ///< relative to the base node
+  NodeIndex base = 0;                    ///< whose motion it shows
+  std::optional<NodeIndex> relative_to;  ///< seen from this node (`relative frame`)
+  Vec3 offset = Vec3::Zero();            ///< in the base node's frame [m]
+  Mat3 rotation = Mat3::Identity();      ///< relative to the base node
 };
 
 /// An abstract node: one unknown, and one equation that is empty until elements write into it.
@@ -151,8 +152,17 @@ struct MuscleLaw {
   DrivePtr prestrain;      ///< null pointer = none
 };
 
-using Law1 = std::variant<LinearLaw<1>, CubicLaw<1>, MuscleLaw>;
-using Law3 = std::variant<LinearLaw<3>, CubicLaw<3>>;
+/// Component by component: f = prestress + F(eps - prestrain(t)). N = 1, 3.
+template <int N>
+struct FunctionLaw {
+  std::array<ScalarFunctionPtr, N> elastic;  ///< F of each component; null = zero
+  Eigen::Matrix<double, N, N> C = Eigen::Matrix<double, N, N>::Zero();
+  Eigen::Matrix<double, N, 1> prestress = Eigen::Matrix<double, N, 1>::Zero();
+  VectorDrive<N> prestrain;
+};
+
+using Law1 = std::variant<LinearLaw<1>, CubicLaw<1>, FunctionLaw<1>, MuscleLaw>;
+using Law3 = std::variant<LinearLaw<3>, CubicLaw<3>, FunctionLaw<3>>;
 using Law6 = std::variant<LinearLaw<6>>;
 
 // ---- elements ----------------------------------------------------------------------------------------------------
@@ -162,6 +172,7 @@ struct ElementData {
   Identity id;
   const ElementType* type = nullptr;  ///< row of the table of elements
   std::any data;                      ///< ClampData, RodData, ...
+  DrivePtr driver = {};               ///< of a driven element: it is there while this is not zero; null = always
 
   /// The data, whose type must be the row's.
   template <class Data>

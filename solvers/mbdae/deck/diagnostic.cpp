@@ -119,7 +119,7 @@ std::string suggestion(std::string_view words, Choices choices) {
   std::string lower(words);
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   const char* best = nullptr;
-  std::size_t best_distance = words.size() <= 3 ? 2 : 3;  // fewer than this many changes
+  std::size_t best_distance = words.size() <= 5 ? 2 : 3;  // fewer than this many changes
   for (const char* choice : choices) {
     std::string bare;
     for (const char* c = choice; *c != '\0'; ++c) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mbdae/deck/element_reader.h"
+#include "mbdae/deck/file_driver_reader.h"
 #include "mbdae/deck/scalar_reader.h"
 #include "mbdae/drive/drive_library.h"
 
@@ -42,7 +43,8 @@ enum DriveKind {
   kDof,
   kParabolic,
   kCubic,
-  kPiecewiseLinear
+  kPiecewiseLinear,
+  kFile
 };
 
 constexpr const char* kDrives[] = {"const",     "null",
@@ -55,14 +57,14 @@ constexpr const char* kDrives[] = {"const",     "null",
                                    "reference", "linear",
                                    "node",      "element",
                                    "dof",       "parabolic",
-                                   "cubic",     "piecewise linear"};
+                                   "cubic",     "piecewise linear",
+                                   "file"};
 
 /// Drives of the language that are not read here.
 constexpr const char* kOtherDrives[] = {
-    "closest next",    "discrete filter", "double ramp", "double step",    "drive",
-    "event",           "exponential",     "file",        "fourier series", "frequency sweep",
-    "meter",           "periodic",        "postponed",   "random",         "sample and hold",
-    "scalar function", "switch",          "tanh",        "while"};
+    "closest next", "discrete filter", "double ramp",     "double step", "drive",    "event",
+    "exponential",  "fourier series",  "frequency sweep", "meter",       "periodic", "postponed",
+    "random",       "sample and hold", "scalar function", "switch",      "tanh",     "while"};
 
 DrivePtr read(Context& context, int depth);
 
@@ -204,6 +206,9 @@ DrivePtr read_any(Context& context, int depth) {
     case kString:
       return input.string_drive(context.time_step(), context.initial_time(), [&](const Label& label) {
         DrivePtr drive = context.drives.get(input, label);
+        if (context.file_callers.count(label.value) != 0) {
+          input.fail(where, "not supported: a drive that reads a file within a string");
+        }
         if (drive->reads_state()) {
           input.fail(where, "not supported: a drive that reads the state within a string");
         }
@@ -216,7 +221,9 @@ DrivePtr read_any(Context& context, int depth) {
       return std::make_shared<const ProductDrive>(std::move(first), read_part(context, depth + 1));
     }
     case kReference: {
-      DrivePtr drive = context.drives.get(input, input.label("the label of a drive caller"));
+      const Label label = input.label("the label of a drive caller");
+      DrivePtr drive = context.drives.get(input, label);
+      if (context.file_callers.count(label.value) != 0) ++context.file_drives;
       if (drive->reads_state()) check_state_drive(context, where);
       return drive;
     }
@@ -239,6 +246,8 @@ DrivePtr read_any(Context& context, int depth) {
       return read_polynomial(input, 4);
     case kPiecewiseLinear:
       return read_piecewise_linear(input);
+    case kFile:
+      return read_file_drive(context);
     default:
       break;
   }
@@ -340,7 +349,9 @@ void read_drive_caller(Context& context) {
   const Label label = input.label("a drive caller label");
   context.drives.announce(input, label);
   skip_name(input);
+  const int file_drives = context.file_drives;
   DrivePtr drive = read_drive(context);
+  if (context.file_drives > file_drives) context.file_callers.insert(label.value);
   if (input.more()) skip_output(input);
   input.end_card();
   context.drives.define(label, std::move(drive));

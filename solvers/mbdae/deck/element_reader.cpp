@@ -5,19 +5,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/deck/element_reader.h"
 
+#include <memory>
+#include <string_view>
 #include <utility>
 
+#include "mbdae/deck/drive_reader.h"
 #include "mbdae/deck/geometry.h"
+#include "mbdae/drive/drive_library.h"
 
 namespace mbdae::reading {
 namespace {
 
 constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "angular velocity",
-                                        "axial rotation",
                                         "beam slider",
                                         "brake",
-                                        "cardano rotation",
                                         "deformable displacement hinge",
                                         "distance with offset",
                                         "drive displacement",
@@ -40,7 +42,6 @@ constexpr const char* kOtherJoints[] = {"angular acceleration",
                                         "plane displacement pin",
                                         "point contact",
                                         "point surface contact",
-                                        "revolute rotation",
                                         "rod bezier",
                                         "rotation",
                                         "screw",
@@ -125,7 +126,10 @@ void skip_joint_options(Input& input) {
   }
 }
 
-void read_element(Context& context, CardKind card) {
+namespace {
+
+/// What follows `joint:`, but for the card's end. Returns the new element.
+ElementData& read_element_arguments(Context& context, CardKind card) {
   Input& input = context.input;
   const Family known = family(context, card);
   ++known.count->found;
@@ -147,9 +151,61 @@ void read_element(Context& context, CardKind card) {
     }
   }
   if (card == CardKind::genel && input.more()) skip_output(input);
-  input.end_card();
+  if (input.more()) input.end_card();  // tells what does not belong there
   known.list->push_back(std::move(element));
   known.registry->define(label, known.list->size() - 1);
+  return known.list->back();
+}
+
+constexpr const char* kDriven[] = {"joint", "genel", "force", "couple"};
+constexpr CardKind kDrivenKinds[] = {CardKind::joint, CardKind::genel, CardKind::force, CardKind::couple};
+
+/// The element that already is there.
+ElementData& existing_element(Context& context) {
+  Input& input = context.input;
+  const Family known = family(context, kDrivenKinds[input.keyword(kDriven, "card of an element")]);
+  return (*known.list)[known.registry->get(input, input.label(known.label))];
+}
+
+}  // namespace
+
+void read_element(Context& context, CardKind card) {
+  read_element_arguments(context, card);
+  context.input.end_card();
+}
+
+void read_driven(Context& context) {
+  static constexpr const char* kExisting[] = {"existing"};
+  Input& input = context.input;
+  const Label label = input.label("the label of the driven element");
+  const std::size_t drives = context.deck.pieced_drives.size();
+  const DrivePtr drive = read_drive(context);
+  context.deck.pieced_drives.resize(drives);  // what counts is only where it is zero
+  input.need([&] { return "the driven element: " + joined(kDriven) + ", each with `:`, or `existing:`"; });
+  const SourcePosition where = input.where();
+  const bool existing = input.take_card(kExisting) == 0;
+  const int card = existing ? -1 : input.take_card(kDriven);
+  if (!existing && card < 0) {
+    const auto words = input.peek_words();
+    input.fail(where, (words ? "not supported: a driven " + quoted(words->written) : "found something else") +
+                          ", expected " + joined(kDriven) + ", each with `:`, or `existing:`");
+  }
+  ElementData& element = existing ? existing_element(context) : read_element_arguments(context, kDrivenKinds[card]);
+  if (element.id.label != label.value) {
+    input.fail(where, "the driven element has the label " + std::to_string(element.id.label) + ", expected " +
+                          std::to_string(label.value) + ", that of this card");
+  }
+  if (element.driver) input.fail(where, "the element is driven already");
+  const ElementType& type = *element.type;
+  const bool owns = (type.scalars != nullptr && type.scalars(element.data) > 0) || type.coordinates != nullptr;
+  const bool muscle = type.counts != nullptr && std::string_view(type.counts(element.data)) == "muscles";
+  if (owns || muscle) {
+    input.fail(where, std::string("not supported: a driven ") + (muscle ? "muscle" : type.name) +
+                          (muscle ? "" : ", which has unknowns of its own"));
+  }
+  element.driver = drive;
+  context.deck.pieced_drives.push_back(std::make_shared<const GateDrive>(drive));
+  input.end_card();
 }
 
 }  // namespace mbdae::reading

@@ -11,6 +11,10 @@ void read_reference(Context& context);
 void read_structural(Context& context);
 void read_body(Context& context);
 void read_gravity(Context& context);
+/// `driven: label, DRIVE, { CARD: label, ... | existing: CARD, label };`: an element that is there while its drive is
+/// not zero.
+void read_driven(Context& context);
+
 /// A joint, force or couple: what follows `joint:`, `force:`, `couple:`.
 void read_element(Context& context, CardKind card);
 

@@ -13,59 +13,6 @@
 namespace mbdae::reading {
 namespace {
 
-constexpr std::array<FunctionInfo, 50> kFunctions = {{
-    {"abs", Function::abs_, 1, 1},
-    {"acos", Function::acos_, 1, 1},
-    {"acosh", Function::acosh_, 1, 1},
-    {"asin", Function::asin_, 1, 1},
-    {"asinh", Function::asinh_, 1, 1},
-    {"atan", Function::atan_, 1, 1},
-    {"atan2", Function::atan2_, 2, 2},
-    {"atanh", Function::atanh_, 1, 1},
-    {"actan", Function::actan, 1, 1},
-    {"actan2", Function::actan2, 2, 2},
-    {"actanh", Function::actanh, 1, 1},
-    {"ceil", Function::ceil_, 1, 1},
-    {"copysign", Function::copysign_, 2, 2},
-    {"cos", Function::cos_, 1, 1},
-    {"cosh", Function::cosh_, 1, 1},
-    {"ctan", Function::ctan, 1, 1},
-    {"ctanh", Function::ctanh, 1, 1},
-    {"exp", Function::exp_, 1, 1},
-    {"floor", Function::floor_, 1, 1},
-    {"log", Function::log_, 1, 1},
-    {"log10", Function::log10_, 1, 1},
-    {"max", Function::max_, 2, 2},
-    {"min", Function::min_, 2, 2},
-    {"par", Function::par, 1, 1},
-    {"print", Function::print, 1, 1},
-    {"ramp", Function::ramp, 1, 1},
-    {"rand", Function::rand_, 0, 0},
-    {"random", Function::random_, 0, 0},
-    {"round", Function::round_, 1, 1},
-    {"seed", Function::seed, 1, 1},
-    {"sign", Function::sign, 1, 1},
-    {"sin", Function::sin_, 1, 1},
-    {"sinh", Function::sinh_, 1, 1},
-    {"sprintf", Function::sprintf_, 2, 2},
-    {"sqrt", Function::sqrt_, 1, 1},
-    {"sramp", Function::sramp, 2, 2},
-    {"step", Function::step, 1, 1},
-    {"stop", Function::stop, 1, 2},
-    {"tan", Function::tan_, 1, 1},
-    {"tanh", Function::tanh_, 1, 1},
-    {"in_ll", Function::in_ll, 3, 3},
-    {"in_le", Function::in_le, 3, 3},
-    {"in_el", Function::in_el, 3, 3},
-    {"in_ee", Function::in_ee, 3, 3},
-    {"bool", Function::cast_boolean, 1, 1},
-    {"integer", Function::cast_integer, 1, 1},
-    {"real", Function::cast_real, 1, 1},
-    {"string", Function::cast_string, 1, 1},
-    {"integer_eval", Function::cast_integer, 1, 1},
-    {"real_eval", Function::cast_real, 1, 1},
-}};
-
 struct BinaryOperator {
   std::string_view symbol;
   Op op;
@@ -109,13 +56,6 @@ std::optional<Type> type_word(std::string_view word) {
 
 }  // namespace
 
-const FunctionInfo* find_function(std::string_view name) {
-  for (const FunctionInfo& info : kFunctions) {
-    if (name == info.name) return &info;
-  }
-  return nullptr;
-}
-
 void ExpressionParser::check_depth(int depth) {
   if (depth > kDeepestNesting) {
     diagnostics_.fail(tokens_.peek().where,
@@ -152,7 +92,12 @@ int ExpressionParser::statement(int depth) {
   if (token.kind != TokenKind::word) return assignment(depth);
   // A declaration starts with modifiers and a type, followed by a name: two words in a row.
   const bool modifier = token.text == "const" || token.text == "ifndef";
-  if (tokens_.peek(1).kind != TokenKind::word) return assignment(depth);
+  const TokenKind after = tokens_.peek(1).kind;
+  if (type_word(token.text) && (after == TokenKind::integer || after == TokenKind::real || after == TokenKind::bad)) {
+    diagnostics_.fail(tokens_.peek(1).where,
+                      "found " + described(tokens_.peek(1)) + ", expected the name of a variable");
+  }
+  if (after != TokenKind::word) return assignment(depth);
   if (!modifier && !type_word(token.text)) {
     static constexpr const char* kTypes[] = {"bool", "integer", "real", "string", "const", "ifndef"};
     diagnostics_.fail(token.where, "found " + quoted(token.text) + ", expected a type: bool, integer, real, string" +
@@ -301,34 +246,6 @@ int ExpressionParser::unary(int depth) {
   return primary(depth);
 }
 
-namespace {
-
-/// Fortran's 1.d0 as 1.e0.
-std::string with_plain_exponent(std::string_view number) {
-  std::string text(number);
-  if (const std::size_t d = text.find_first_of("dD"); d != std::string::npos) text[d] = 'e';
-  return text;
-}
-
-}  // namespace
-
-bool read_number(const Token& token, Number* number) {
-  std::string_view text = token.text;
-  std::string plain;
-  if (token.kind == TokenKind::real && text.find_first_of("dD") != std::string_view::npos) {
-    plain = with_plain_exponent(text);
-    text = plain;
-  }
-  const char* const begin = text.data();
-  const char* const end = begin + text.size();
-  if (token.kind == TokenKind::integer) {
-    number->type = Type::integer;
-    return std::from_chars(begin, end, number->integer).ec == std::errc() && number->integer <= INT_MAX;
-  }
-  number->type = Type::real;
-  return token.kind == TokenKind::real && std::from_chars(begin, end, number->real).ec == std::errc();
-}
-
 int ExpressionParser::number() {
   const Token token = tokens_.take();
   Number value;
@@ -368,6 +285,7 @@ int ExpressionParser::primary(int depth) {
     tokens_.take();
     return add(node);
   }
+  if (token.is("[")) diagnostics_.fail(token.where, "not supported: variables `[node, ...]` that follow the motion");
   if (!token.is("("))
     diagnostics_.fail(token.where, "found " + described(token) + ", expected a number or an expression");
   ExpressionNode node;
@@ -439,6 +357,14 @@ int ExpressionParser::name(int depth) {
   }
   const bool time = token.text == "Time", step = token.text == "TimeStep", argument = token.text == "Var";
   if (time || step || argument) {
+    if (!run_time_ && time && symbols_.knows_time) {
+      diagnostics_.warning(token.where,
+                           "`Time` is the initial time, 0, while the deck is read; what changes with time "
+                           "belongs in a `string` drive");
+      node.op = Op::real;
+      node.type = Type::real;
+      return add(node);
+    }
     if (!run_time_) {
       diagnostics_.fail(token.where, "not supported: the run-time variable " + quoted(token.text) +
                                          " while the deck is read (it belongs in a `string` drive)");
@@ -502,8 +428,8 @@ int ExpressionParser::model_drive(const Token& token, int depth) {
 int ExpressionParser::call(const Token& token, int depth) {
   const FunctionInfo* info = find_function(token.text);
   if (info == nullptr) {
-    std::array<const char*, kFunctions.size()> names{};
-    for (std::size_t i = 0; i < names.size(); ++i) names[i] = kFunctions[i].name;
+    std::vector<const char*> names;
+    for (const FunctionInfo& info : functions()) names.push_back(info.name);
     diagnostics_.fail(token.where, "unknown function " + quoted(token.text) + suggestion(token.text, names));
   }
   if (run_time_ && (info->id == Function::rand_ || info->id == Function::random_ || info->id == Function::seed ||

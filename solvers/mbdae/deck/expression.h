@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -113,6 +114,9 @@ struct FunctionInfo {
   std::uint8_t least, most;  ///< number of arguments
 };
 
+/// All functions.
+std::span<const FunctionInfo> functions();
+
 /// Null when there is no such function.
 const FunctionInfo* find_function(std::string_view name);
 
@@ -152,6 +156,9 @@ struct Expression {
 inline constexpr int kDeepestNesting = 200;
 /// Height of a tree: a sum of n terms is n high.
 inline constexpr int kHighestTree = 1000;
+
+/// Fortran's 1.d0 as 1.e0.
+std::string with_plain_exponent(std::string_view number);
 
 /// The value of a number token. False if the token is no number, or one that does not fit its type.
 bool read_number(const Token& token, Number* number);

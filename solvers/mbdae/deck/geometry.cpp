@@ -158,6 +158,11 @@ FrameChoice read_frame_choice(Context& context, const Place& place) {
       return choice;
     case 1:
     case 2:
+      if (place.node == nullptr && place.beside != nullptr) {
+        choice.kind = FrameKind::label;
+        choice.frame = *place.beside;
+        return choice;
+      }
       if (place.node == nullptr) {
         input.fail(choice.where,
                    "not supported: the frame `node` for something given in the global frame "
@@ -278,9 +283,10 @@ Mat3 read_orientation(Input& input) {
       break;
   }
   if (const auto words = input.peek_words(); words && !input.symbols().find(input.peek_text())) {
-    input.fail(where, "unknown orientation " + quoted(words->written) +
-                          ", expected: eye, matr, euler123, euler313, euler321, vector, or two vectors" +
-                          suggestion(words->text, kForms));
+    const std::string hint = suggestion(words->text, kForms);
+    input.fail(where, (hint.empty() ? "not supported: the orientation " : "unknown orientation ") +
+                          quoted(words->written) +
+                          ", expected: eye, matr, euler123, euler313, euler321, vector, or two vectors" + hint);
   }
   return two_vectors(input);
 }

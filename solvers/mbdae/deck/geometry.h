@@ -13,6 +13,7 @@ struct Place {
   const Frame* other = nullptr;             ///< first node of a joint, for data of the second
   const Vec3* other_position = nullptr;     ///< offset of the first node [m]
   const Mat3* other_orientation = nullptr;  ///< hinge orientation of the first node
+  const Frame* beside = nullptr;            ///< for a global datum: the frame that `node` and `local` mean
 };
 
 /// Three numbers or `null` [, scale, k]; no frame.

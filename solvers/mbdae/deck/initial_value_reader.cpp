@@ -9,17 +9,18 @@
 #include <utility>
 
 #include "mbdae/deck/block_reader.h"
+#include "mbdae/deck/drive_reader.h"
 
 namespace mbdae::reading {
 namespace {
 
-constexpr const char* kCards[] = {"initial time", "final time", "time step", "method", "tolerance", "max iterations",
-                                  "derivatives tolerance", "derivatives max iterations", "derivatives coefficient",
-                                  "eigenanalysis", "dummy steps number",
-                                  // accepted without effect
-                                  "dummy steps ratio", "dummy steps tolerance", "dummy steps max iterations",
-                                  "dummy steps method", "linear solver", "nonlinear solver", "output", "abort after",
-                                  "threads", "min time step", "max time step", "preconditioner", "iterative solver"};
+constexpr const char* kCards[] = {
+    "initial time", "final time", "time step", "method", "tolerance", "max iterations", "derivatives tolerance",
+    "derivatives max iterations", "derivatives coefficient", "eigenanalysis", "dummy steps number",
+    // accepted without effect
+    "dummy steps ratio", "dummy steps tolerance", "dummy steps max iterations", "dummy steps method", "linear solver",
+    "nonlinear solver", "output", "abort after", "threads", "min time step", "max time step", "preconditioner",
+    "iterative solver", "strategy", "enforce constraint equations"};
 
 /// Old names of cards, and the present ones.
 constexpr std::pair<const char*, const char*> kOldCards[] = {
@@ -42,7 +43,11 @@ enum Card {
   kDerivativesMaxIterations,
   kDerivativesCoefficient,
   kEigenanalysis,
-  kDummySteps
+  kDummySteps,
+  kLinearSolver = 15,
+  kNonlinearSolver,
+  kStrategy = 24,
+  kEnforce
 };
 
 /// Index into `kCards`, -1 for other cards.
@@ -57,8 +62,21 @@ int card_kind(const Words& card) {
   return -1;
 }
 
-constexpr const char* kOtherCards[] = {
-    "strategy", "real time", "pod", "output modes", "modify residual test", "enforce constraint equations"};
+constexpr const char* kLinearSolvers[] = {"aztecoo", "harwell",   "klu",        "lapack", "mumps",   "meschach",
+                                          "naive",   "pardiso",   "pardiso 64", "pastix", "qr",      "siconos",
+                                          "spqr",    "strumpack", "superlu",    "taucs",  "umfpack", "umfpack3",
+                                          "watson",  "wsmp",      "y12"};
+constexpr const char* kNonlinearSolvers[] = {"newton raphson",
+                                             "line search",
+                                             "matrix free",
+                                             "bfgs",
+                                             "nox",
+                                             "default",
+                                             "mcp newton min fb",
+                                             "siconos mcp newton min fb",
+                                             "siconos mcp newton fb"};
+
+constexpr const char* kOtherCards[] = {"real time", "pod", "output modes", "modify residual test"};
 
 int read_iterations(Input& input) {
   const SourcePosition where = input.where();
@@ -161,6 +179,38 @@ void read_derivatives_coefficient(Context& context) {
   }
   if (input.more() && input.take("max iterations")) input.integer("a number of iterations");
   if (input.more() && input.take("factor")) input.positive("a factor");
+}
+
+/// How MBDyn changes the time step on the way. Here it stays what the deck says.
+void read_strategy(Context& context, const SourcePosition& where) {
+  static constexpr const char* kStrategies[] = {"no change", "factor", "change"};
+  Input& input = context.input;
+  switch (input.keyword(kStrategies, "strategy")) {
+    case 0:
+      return;
+    case 1:
+      input.positive("the factor that reduces the time step");
+      input.integer("the number of steps before a reduction");
+      input.positive("the factor that raises the time step");
+      input.integer("the number of steps before it is raised");
+      input.integer("the number of iterations below which it is raised");
+      if (input.more()) input.integer("the number of iterations above which it is reduced");
+      break;
+    default: {
+      const std::size_t drives = context.deck.pieced_drives.size();
+      read_drive(context);
+      context.deck.pieced_drives.resize(drives);
+    }
+  }
+  input.diagnostics().warning(where, "the strategy has no effect: the time step stays what the deck says");
+}
+
+/// What of the constraints counts in MBDyn's test of convergence.
+void read_enforce(Input& input) {
+  static constexpr const char* kKinds[] = {"constraint violations", "constraint violation rates"};
+  input.keyword(kKinds, "kind of constraint equations");
+  if (input.more()) input.require("scale factor");
+  if (input.more()) input.positive("a scale factor");
 }
 
 /// One option of the eigenanalysis card; only `parameter` has an effect here.
@@ -329,6 +379,20 @@ void read_initial_value_card(Context& context, const Words& card) {
         input.diagnostics().warning(
             card.where, "dummy steps have no effect: accelerations and reactions at the start are solved for");
       }
+      break;
+    case kLinearSolver:
+      input.keyword(kLinearSolvers, "linear solver");
+      input.ignore_arguments();
+      break;
+    case kNonlinearSolver:
+      if (!card.is("newton raphson")) input.keyword(kNonlinearSolvers, "nonlinear solver");
+      input.ignore_arguments();
+      break;
+    case kStrategy:
+      read_strategy(context, card.where);
+      break;
+    case kEnforce:
+      read_enforce(input);
       break;
     default:
       input.ignore_arguments();

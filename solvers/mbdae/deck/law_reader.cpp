@@ -9,6 +9,7 @@
 #include "mbdae/deck/element_reader.h"
 #include "mbdae/deck/geometry.h"
 #include "mbdae/deck/muscle_reader.h"
+#include "mbdae/deck/scalar_reader.h"
 
 namespace mbdae::reading {
 namespace {
@@ -32,6 +33,11 @@ enum LawKind {
   kCubicElastic,
   kCubicViscoelastic,
   kMuscle,
+  kDoubleLinearElastic,
+  kDoubleLinearViscoelastic,
+  kFunctionElastic,
+  kFunctionElasticIsotropic,
+  kFunctionElasticOrthotropic,
 };
 
 constexpr const char* kLaws[] = {"reference",
@@ -46,7 +52,12 @@ constexpr const char* kLaws[] = {"reference",
                                  "linear viscoelastic generic",
                                  "cubic elastic generic",
                                  "cubic viscoelastic generic",
-                                 "muscle"};
+                                 "muscle",
+                                 "double linear elastic",
+                                 "double linear viscoelastic",
+                                 "scalar function elastic",
+                                 "scalar function elastic isotropic",
+                                 "scalar function elastic orthotropic"};
 
 constexpr const char* kOtherLaws[] = {"array",
                                       "ann elastic",
@@ -55,8 +66,6 @@ constexpr const char* kOtherLaws[] = {"array",
                                       "bistop",
                                       "cubic elastic",
                                       "damper hydraulic",
-                                      "double linear elastic",
-                                      "double linear viscoelastic",
                                       "elastomer",
                                       "file driven",
                                       "hydraulic damper",
@@ -80,9 +89,6 @@ constexpr const char* kOtherLaws[] = {"array",
                                       "nlsf elastic",
                                       "nlsf viscoelastic",
                                       "nlsf viscous",
-                                      "scalar function elastic",
-                                      "scalar function elastic isotropic",
-                                      "scalar function elastic orthotropic",
                                       "scalar function viscoelastic isotropic",
                                       "scalar function viscoelastic orthotropic",
                                       "scalar function viscous isotropic",
@@ -204,6 +210,44 @@ CubicLaw<N> read_cubic(Context& context, bool viscous) {
   return law;
 }
 
+/// Two stiffnesses, the second one beyond either limit.
+FunctionLaw<1> read_double_linear(Context& context, bool viscous) {
+  Input& input = context.input;
+  const double first = input.real("the stiffness between the limits");
+  const double upper = input.real("the upper strain");
+  const SourcePosition where = input.where();
+  const double lower = input.real("the lower strain");
+  if (!(upper > lower)) {
+    input.fail(where, "found the lower strain " + number_text(lower) + ", expected one below the upper, " +
+                          number_text(upper));
+  }
+  const double second = input.real("the stiffness beyond the limits");
+  FunctionLaw<1> law;
+  if (viscous) {
+    law.C(0, 0) = input.real("the damping");
+    if (const auto words = input.more() ? input.peek_words() : std::nullopt; words && words->is("second damping")) {
+      input.fail(words->where, "not supported: the second damping of a `double linear viscoelastic` law");
+    }
+  }
+  law.elastic[0] = broken_line({lower - 1.0, lower, upper, upper + 1.0},
+                               {first * lower - second, first * lower, first * upper, first * upper + second});
+  read_suffix(context, &law);
+  return law;
+}
+
+template <int N>
+FunctionLaw<N> read_function_law(Context& context, bool each) {
+  Input& input = context.input;
+  FunctionLaw<N> law;
+  if (!each) law.elastic.fill(scalar_function(context));
+  for (int i = 0; i < N && each; ++i) {
+    input.need([&] { return "function " + std::to_string(i + 1) + " of " + std::to_string(N) + ", or `null`"; });
+    if (!input.take("null")) law.elastic[static_cast<std::size_t>(i)] = scalar_function(context);
+  }
+  read_suffix(context, &law);
+  return law;
+}
+
 /// The kind of law, or a message that names it.
 int read_kind(Input& input) {
   input.need([&] { return "a constitutive law: " + joined(kLaws); });
@@ -230,6 +274,15 @@ L read_law(Context& context, const Registry<L>& named) {
     } else {
       return read_cubic<N>(context, kind == kCubicViscoelastic);
     }
+  }
+  if (kind == kDoubleLinearElastic || kind == kDoubleLinearViscoelastic) {
+    if constexpr (N == 1) return read_double_linear(context, kind == kDoubleLinearViscoelastic);
+    input.fail(where,
+               std::string("not supported: the law `") + kLaws[kind] + "` of " + std::to_string(N) + " components");
+  }
+  if (kind == kFunctionElastic || kind == kFunctionElasticIsotropic || kind == kFunctionElasticOrthotropic) {
+    if constexpr (N != 6) return read_function_law<N>(context, kind == kFunctionElasticOrthotropic);
+    input.fail(where, "not supported: laws of scalar functions of a deformable joint (6D)");
   }
   if (kind == kMuscle) input.fail(where, "the muscle law is for rods (1D), not for this element");
   return read_linear<N>(context, kind);

@@ -8,16 +8,35 @@
 namespace mbdae::reading {
 namespace {
 
+/// NODE [, position, x] [, orientation, R] [, pivot node, NODE [, position, x] [, orientation, R]]
+void read_relative_frame(Context& context, DummyNodeData* dummy) {
+  Input& input = context.input;
+  dummy->relative_to = context.node();
+  const auto read_place = [&](NodeIndex index) {
+    const Frame frame = context.frame(index);
+    Place place;
+    place.node = &frame;
+    if (input.more() && input.take("position")) read_position(context, place);
+    if (input.more() && input.take("orientation")) read_orientation(context, place);
+  };
+  read_place(*dummy->relative_to);
+  if (input.more() && input.take("pivot node")) read_place(context.node());
+}
+
 void read_dummy(Context& context, const Label& label) {
   Input& input = context.input;
   DummyNodeData dummy;
   dummy.id = identity(label, "node");
   dummy.base = context.node();
-  static constexpr const char* kKinds[] = {"offset"};
-  if (const auto words = input.peek_words(); words && words->is("relative frame")) {
-    input.fail(words->where, "not supported: the dummy node `relative frame`");
+  static constexpr const char* kKinds[] = {"offset", "relative frame"};
+  if (input.keyword(kKinds, "dummy node type") == 1) {
+    read_relative_frame(context, &dummy);
+    if (input.more()) skip_orientation_description(input);
+    if (input.more()) skip_output(input);
+    input.end_card();
+    context.deck.dummy_nodes.push_back(std::move(dummy));
+    return;
   }
-  input.keyword(kKinds, "dummy node type");
   const Frame base = context.frame(dummy.base);
   Place place;
   place.node = &base;

@@ -11,6 +11,7 @@
 #include "mbdae/deck/block_reader.h"
 #include "mbdae/deck/drive_reader.h"
 #include "mbdae/deck/element_reader.h"
+#include "mbdae/deck/file_driver_reader.h"
 #include "mbdae/deck/law_reader.h"
 #include "mbdae/deck/scalar_reader.h"
 #include "mbdae/deck/source.h"
@@ -20,13 +21,14 @@ namespace reading {
 namespace {
 
 /// The blocks in their mandatory order.
-constexpr const char* kBlocks[] = {"data", "initial value", "control data", "nodes", "elements"};
-constexpr int kBlockCount = 5;
+constexpr const char* kBlocks[] = {"data", "initial value", "control data", "nodes", "elements", "drivers"};
+constexpr int kBlockCount = 5;  ///< those that must be there; `drivers` may stand before the elements
 /// The blocks in the order of `kBlocks`, then other names of theirs.
-constexpr const char* kBlockNames[] = {"data", "initial value", "control data", "nodes", "elements", "multistep"};
-enum Block { kData, kInitialValue, kControlData, kNodes, kElements };
+constexpr const char* kBlockNames[] = {"data",     "initial value", "control data", "nodes",
+                                       "elements", "drivers",       "multistep"};
+enum Block { kData, kInitialValue, kControlData, kNodes, kElements, kDrivers };
 
-constexpr const char* kElementCards[] = {"body", "joint", "genel", "gravity", "force", "couple"};
+constexpr const char* kElementCards[] = {"body", "joint", "genel", "gravity", "force", "couple", "driven"};
 constexpr const char* kOtherElements[] = {"aerodynamic beam",
                                           "aerodynamic beam2",
                                           "aerodynamic beam3",
@@ -39,7 +41,6 @@ constexpr const char* kOtherElements[] = {"aerodynamic beam",
                                           "beam3",
                                           "bind",
                                           "bulk",
-                                          "driven",
                                           "electric",
                                           "generic aerodynamic force",
                                           "hydraulic",
@@ -58,19 +59,13 @@ constexpr const char* kOtherElements[] = {"aerodynamic beam",
                                           "thermal",
                                           "user defined",
                                           "variable body"};
+constexpr const char* kDriverCards[] = {"file"};
 constexpr const char* kOtherNodes[] = {"electric", "hydraulic", "parameter", "thermal", "output"};
 constexpr const char* kEverywhere[] = {
     "set",         "include", "remark", "reference", "drive caller", "constitutive law", "scalar function",
-    "module load", "begin",   "end"};
-constexpr const char* kOtherGlobals[] = {"template drive caller",
-                                         "hydraulic fluid",
-                                         "c81 data",
-                                         "setenv",
-                                         "chdir",
-                                         "friction",
-                                         "license",
-                                         "namespace",
-                                         "plugin"};
+    "module load", "begin",   "end",    "chdir",     "setenv"};
+constexpr const char* kOtherGlobals[] = {
+    "template drive caller", "hydraulic fluid", "c81 data", "friction", "license", "namespace", "plugin"};
 
 class Reader {
  public:
@@ -108,12 +103,26 @@ class Reader {
       input.set();
     } else if (card.is("include")) {
       input.include();
+    } else if (card.is("chdir")) {
+      input.change_directory();
+    } else if (card.is("setenv")) {
+      read_environment();
     } else if (card.is("remark") || card.is("print symbol table")) {
       input.ignore_arguments();
       input.end_card();
     } else if (!read_common(card)) {
       read_block_card(card);
     }
+  }
+
+  /// `setenv: [overwrite, yes | no,] "NAME=VALUE";` matters to MBDyn's own process only.
+  void read_environment() {
+    Input& input = context_.input;
+    if (input.take("overwrite")) input.yes_no();
+    const SourcePosition where = input.where();
+    const std::string text = input.string("\"NAME=VALUE\"");
+    if (text.empty() || text.front() == '=') input.fail(where, "found " + quoted(text) + ", expected \"NAME=VALUE\"");
+    input.end_card();
   }
 
   /// Cards that are legal in and between blocks from the control data onward.
@@ -155,6 +164,9 @@ class Reader {
         return read_node_card(card);
       case kElements:
         return read_element_card(card);
+      case kDrivers:
+        if (card.is("file")) return read_file_driver(context_);
+        unknown(card, "expected `file: ...;` or `end: drivers;`", kDriverCards);
       default:
         unknown(card,
                 done_ < kBlockCount ? std::string("expected `begin: ") + kBlocks[done_] + ";`" : "the deck is complete",
@@ -179,6 +191,7 @@ class Reader {
     if (card.is("gravity")) return read_gravity(context_);
     if (card.is("force")) return read_element(context_, CardKind::force);
     if (card.is("couple")) return read_element(context_, CardKind::couple);
+    if (card.is("driven")) return read_driven(context_);
     for (const char* other : kOtherElements) {
       if (card.is(other)) context_.input.fail(card.where, std::string("not supported: the element `") + other + "`");
     }
@@ -201,7 +214,7 @@ class Reader {
     input.need([&] { return "the name of a block: " + joined(kBlocks); });
     const auto words = input.peek_words();
     if (words && words->is("inverse dynamics")) input.fail(where, "not supported: the block `inverse dynamics`");
-    for (const char* other : {"drivers", "output", "parallel"}) {
+    for (const char* other : {"output", "parallel"}) {
       if (words && words->is(other)) input.fail(where, std::string("not supported: the block `") + other + "`");
     }
     const int block = block_name();
@@ -210,20 +223,22 @@ class Reader {
       diagnostics().error(where, std::string("found the beginning of `") + kBlocks[block] + "` inside `" +
                                      kBlocks[block_] + "`, expected `end: " + kBlocks[block_] + ";` (line " +
                                      std::to_string(begin_.line) + " begins it)");
-      done_ = block_ + 1;
+      if (block_ != kDrivers) done_ = block_ + 1;
     }
-    if (block != done_) {
+    if (block == kDrivers ? done_ != kElements || drivers_read_ : block != done_) {
       const std::string expected =
           done_ < kBlockCount ? std::string("`begin: ") + kBlocks[done_] + ";`" : "the end of the deck";
       diagnostics().error(where, std::string("found the block `") + kBlocks[block] + "`, expected " + expected);
     }
     block_ = block;
     begin_ = where;
+    drivers_read_ |= block == kDrivers;
+    if (block == kControlData && context_.initial_time() == 0.0) input.start_clock();
   }
 
   int block_name() {
     const int block = context_.input.keyword(kBlockNames, "block");
-    return block < kBlockCount ? block : kInitialValue;
+    return block <= kDrivers ? block : kInitialValue;
   }
 
   void end_block(const Words& card) {
@@ -238,7 +253,7 @@ class Reader {
           where, std::string("found the end of `") + kBlocks[block] + "`, expected `end: " + kBlocks[block_] + ";`");
     }
     if (block_ == kInitialValue) check_initial_value(context_, begin_);
-    done_ = std::max(done_, block_ + 1);
+    if (block_ != kDrivers) done_ = std::max(done_, block_ + 1);
     block_ = -1;
   }
 
@@ -257,6 +272,7 @@ class Reader {
   Context context_;
   int block_ = -1;  // open block
   int done_ = 0;    // blocks before this one are complete
+  bool drivers_read_ = false;
   SourcePosition begin_;
 };
 

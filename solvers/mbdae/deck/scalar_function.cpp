@@ -155,6 +155,10 @@ ScalarFunctionPtr read_broken_line(Input& input) {
 
 }  // namespace
 
+ScalarFunctionPtr broken_line(std::vector<double> x, std::vector<double> y) {
+  return std::make_shared<const BrokenLine>(std::move(x), std::move(y), false);
+}
+
 ScalarFunctionPtr scalar_function(Context& context) {
   Input& input = context.input;
   const SourcePosition where = input.where();

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "mbdae/deck/context.h"
 
@@ -23,6 +24,9 @@ bool is_algebraic(const Context& context, const DofData& dof);
 
 /// `scalar function: "name", TYPE, ...;`
 void read_scalar_function(Context& context);
+
+/// Straight lines between points with increasing x, the outer ones going on.
+ScalarFunctionPtr broken_line(std::vector<double> x, std::vector<double> y);
 
 /// The name of a scalar function that must be there.
 ScalarFunctionPtr scalar_function(Context& context);

@@ -72,6 +72,11 @@ std::string relative_to(const std::string& from, const std::string& name) {
   return (fs::path(from).parent_path() / path).string();
 }
 
+bool is_directory(const std::string& path) {
+  std::error_code error;
+  return fs::is_directory(path.empty() ? "." : path, error);
+}
+
 std::string canonical_name(const std::string& path) {
   std::error_code error;
   const fs::path canonical = fs::weakly_canonical(path, error);

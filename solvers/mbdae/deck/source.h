@@ -20,6 +20,9 @@ bool check_text(const std::string& text, std::string* problem);
 /// `name` as seen from the file `from` (absolute names stay).
 std::string relative_to(const std::string& from, const std::string& name);
 
+/// True if there is such a directory; an empty name is the present one.
+bool is_directory(const std::string& path);
+
 /// The same file under any of its names gives the same result.
 std::string canonical_name(const std::string& path);
 

@@ -60,6 +60,8 @@ class Symbols {
   const Variable& operator[](std::uint32_t index) const { return variables_[index]; }
   std::size_t size() const { return variables_.size(); }
 
+  bool knows_time = false;  ///< `Time` is 0 while the deck is read (where the initial time is)
+
  private:
   /// Where the name is in `places_`, or where it belongs.
   std::size_t place_of(std::string_view name) const;

@@ -131,6 +131,19 @@ class LinearDrive final : public Drive {
   double initial_, slope_;
 };
 
+/// 1 while another drive is not zero, otherwise 0: whether a driven element is there.
+class GateDrive final : public Drive {
+ public:
+  explicit GateDrive(DrivePtr drive) : drive_(std::move(drive)) {}
+  Jet at(double t) const override { return {drive_->value(t) != 0.0 ? 1.0 : 0.0, 0.0, 0.0}; }
+  std::uint64_t piece(double t) const override { return drive_->value(t) != 0.0 ? 1U : 0U; }
+  bool has_pieces() const override { return true; }
+  void known_jumps(std::vector<double>& times) const override { drive_->known_jumps(times); }
+
+ private:
+  DrivePtr drive_;
+};
+
 /// The sum of drives (`array`).
 class SumDrive final : public Drive {
  public:

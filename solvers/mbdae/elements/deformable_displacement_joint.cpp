@@ -56,7 +56,7 @@ void DeformableDisplacementJoint::assemble(const State& state, Equations& eq, bo
 namespace reading {
 
 DeformableDisplacementJointData read_deformable_displacement_joint(Context& context) {
-  const auto [first, second] = read_two_ends(context, Presence::optional);
+  const auto [first, second] = read_two_plain_ends(context);
   return {first.node, second.node, first.position, second.position, first.orientation, read_law3(context)};
 }
 

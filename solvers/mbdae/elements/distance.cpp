@@ -137,8 +137,10 @@ DistanceData read_distance(Context& context) {
   joint.f1 = first.position;
   joint.f2 = second.position;
   input.need("the distance as a drive, or `from nodes`");
+  const SourcePosition where = input.where();
   if (input.take("from nodes")) {
     const Vec3 D = second.frame.x + second.frame.R * second.position - first.frame.x - first.frame.R * first.position;
+    if (!(D.norm() > 0.0)) input.fail(where, "the points coincide: there is no distance to take from the nodes");
     joint.distance = std::make_shared<const ConstDrive>(D.norm());
   } else {
     const AllowStateDrives allow(context);

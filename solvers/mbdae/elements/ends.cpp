@@ -52,6 +52,24 @@ std::pair<End, End> read_two_ends(Context& context, Presence position) {
   return {first, second};
 }
 
+bool at_vector(Input& input) {
+  if (!input.more()) return false;
+  if (input.at_real()) return true;
+  const auto words = input.peek_words();
+  return words && (words->is("null") || words->is("reference"));
+}
+
+std::pair<End, End> read_two_plain_ends(Context& context) {
+  const auto presence = [&] { return at_vector(context.input) ? Presence::required : Presence::optional; };
+  End first = read_end(context);
+  read_offset(context, first.place(), presence(), &first.position);
+  read_hinge(context, first.place(), &first.orientation);
+  End second = read_end(context);
+  read_offset(context, second.after(first), presence(), &second.position);
+  read_hinge(context, second.after(first), &second.orientation);
+  return {first, second};
+}
+
 Pin read_pin(Context& context) {
   Pin pin;
   pin.end = read_end(context);

@@ -27,14 +27,20 @@ End read_end(Context& context);
 
 enum class Presence { required, optional };
 
-/// `[position,] x`; without the word an optional position must be a frame, `null` or begin with a real number.
+/// `[position,] x`; an optional one needs the word.
 void read_offset(Context& context, const Place& place, Presence presence, Vec3* out, const char* word = "position");
+
+/// True if the argument can only be the beginning of a position: `null`, a frame, a real number.
+bool at_vector(Input& input);
 
 /// [orientation, R], also `hinge, R`
 void read_hinge(Context& context, const Place& place, Mat3* out, const char* word = "orientation");
 
 /// Two nodes, each with a position and an orientation: the common form of most joints.
 std::pair<End, End> read_two_ends(Context& context, Presence position);
+
+/// The same where nothing else begins like a position, so that the word may be left out.
+std::pair<End, End> read_two_plain_ends(Context& context);
 
 /// A node's point and axes, and where they are pinned in space.
 struct Pin {

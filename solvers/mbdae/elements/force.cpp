@@ -50,7 +50,8 @@ ForceData read_load(Context& context, ForceFrame frame, bool couple) {
   Place place;
   place.node = &node;
   read_offset(context, place, couple ? Presence::optional : Presence::required, &force.arm);
-  const Place global;
+  Place global;
+  global.beside = &node;
   force.value = read_vector_drive(context, frame == ForceFrame::follower ? &place : &global);
   if (input.more()) skip_output(input);
   return force;

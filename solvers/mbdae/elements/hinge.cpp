@@ -74,9 +74,32 @@ Hinge::Hinge(const PrismaticData& data, const Numbering& numbering) {
   }
 }
 
+Hinge::Hinge(const AxialRotationData& data, const Numbering& numbering)
+    : Hinge(RevoluteHingeData{data.node1, data.node2, data.d1, data.d2, data.R1h, data.R2h, {}, {}, {}}, numbering) {
+  spin_ = data.drive;
+  ++size_;
+}
+
+Hinge::Hinge(const RevoluteRotationData& data, const Numbering& numbering)
+    : Hinge(RevoluteHingeData{data.node1, data.node2, Vec3::Zero(), Vec3::Zero(), data.R1h, data.R2h, {}, {}, {}},
+            numbering) {
+  without_points();
+}
+
+Hinge::Hinge(const CardanoRotationData& data, const Numbering& numbering)
+    : Hinge(CardanoHingeData{data.node1, data.node2, Vec3::Zero(), Vec3::Zero(), data.R1h, data.R2h}, numbering) {
+  without_points();
+}
+
+void Hinge::without_points() {
+  size_ -= points_;
+  points_ = 0;
+}
+
 void Hinge::assemble(const State& state, Equations& eq, bool tangent) const {
   if (points_ > 0) assemble_points(state, eq, tangent);
   assemble_axes(state, eq, tangent);
+  if (spin_) assemble_spin(state, eq, tangent);
   if (friction_) friction_->assemble(state, eq, tangent);
 }
 
@@ -132,9 +155,35 @@ void Hinge::assemble_axes(const State& state, Equations& eq, bool tangent) const
   }
 }
 
+void Hinge::assemble_spin(const State& state, Equations& eq, bool tangent) const {
+  const int row = first_ + size_ - 1;
+  const NodeMotion& n1 = motion_of(state, node1_);
+  const Vec3 e = n1.R * R1h_.col(2), w21 = motion_of(state, node2_).w - n1.w;
+  const double M = state.y(row);
+  add_to_g(eq.g, node1_, Vec3::Zero(), M * e);
+  add_to_g(eq.g, node2_, Vec3::Zero(), -M * e);
+  eq.g(row) += e.dot(w21) - spin_->value(state.t);
+  if (!tangent) return;
+  const int g1 = rotation_column(node1_), g2 = rotation_column(node2_);
+  add_column(eq.g_y, moment_row(node1_), row, e);
+  add_column(eq.g_y, moment_row(node2_), row, -e);
+  add_block(eq.g_y, moment_row(node1_), g1, -M * skew(e));
+  add_block(eq.g_y, moment_row(node2_), g1, M * skew(e));
+  add_row(eq.g_y, row, g1, e.cross(w21));
+  add_row(eq.g_ydot, row, g1, -e);
+  add_row(eq.g_ydot, row, g2, e);
+  add_drive_derivative(eq, row, *spin_, state.t, -1.0);
+}
+
 void Hinge::rates(const State& state, ConstraintRates& out, bool tangent) const {
   if (points_ > 0) point_rates(state, out, tangent);
   axis_rates(state, out, tangent);
+  if (!spin_) return;
+  const int row = first_ + size_ - 1;
+  const NodeMotion &n1 = motion_of(state, node1_), &n2 = motion_of(state, node2_);
+  const Vec3 e = n1.R * R1h_.col(2), w21 = n2.w - n1.w;
+  out.bias(row) += n1.w.cross(e).dot(w21) - spin_->at(state.t).rate;
+  if (tangent) add_row(out.rate_q, row, rotation_column(node1_), e.cross(w21));
 }
 
 void Hinge::point_rates(const State& state, ConstraintRates& out, bool tangent) const {

@@ -1,19 +1,21 @@
-// Spherical, revolute, cardano and prismatic joints: coincident points and orthogonal axes.
+// Spherical, revolute, cardano, axial and prismatic joints: coincident points and orthogonal axes.
 //
 //   d1 = R1 d1~,  d2 = R2 d2~                     a pin has the ground as node 2: x2 = 0, d2 = X0
 //   points:  phi = s (x1 + d1 - x2 - d2)
 //            g[F1] += r F,  g[M1] += r d1 x F,  g[F2] -= r F,  g[M2] -= r d2 x F
 //   axes:    phi = t a.b                           a on one node, b on the other
 //            g[M_a] += k M b x a,  g[M_b] -= k M b x a
+//   spin:    phi = e.(w2 - w1) - d(t),  e = axis 3 of frame 1
+//            g[M1] += M e,  g[M2] -= M e
 //
 // Reactions F [N] global, then one couple M [N m] per axis. r = 1: F is the force that node 1 exerts on node 2 (on the
 // ground), so that it acts on node 1 with a minus sign; the cardano pin has r = -1. s = -1, but +1 for the cardano
 // hinge; k per axis in hinge.cpp; t = -1, but +1 for the prismatic joint, which has three axes and no points. All as in
 // MBDyn's Jacobians. Spherical: no axis; revolute: e3 of frame 1 against e2 and e1 of frame 2; cardano: e3 of frame 1
-// against e2 of frame 2. An axis condition holds for a = -a too: a joint assembled upside down stays there. Valid in
-// any state. Source: MBDyn's joints. Tangent exact: docs/theory/elements.md; tests "spherical joints", "revolute
-// joints", "cardano joints" (test_model_tangent.cpp), "prismatic joint, plane" (test_model_scalar.cpp), signs in
-// test_model_signs.cpp.
+// against e2 of frame 2; the axial rotation is a revolute hinge that spins, and `rotation` joints have no points. An
+// axis condition holds for a = -a too: a joint assembled upside down stays there. Valid in any state. Source: MBDyn's
+// joints. Tangent exact: docs/theory/elements.md; tests "spherical joints", "revolute joints", "cardano joints"
+// (test_model_tangent.cpp), "prismatic joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -68,6 +70,27 @@ struct CardanoHingeData {
   Mat3 R1h, R2h;  ///< axis 3 of R1h stays orthogonal to axis 2 of R2h
 };
 
+/// A revolute hinge whose relative angular velocity is imposed.
+struct AxialRotationData {
+  NodeIndex node1, node2;
+  Vec3 d1, d2;
+  Mat3 R1h, R2h;   ///< axis = 3
+  DrivePtr drive;  ///< [rad/s]
+
+  static constexpr const char* kSignals[] = {"rz", "wz", "Fx", "Fy", "Fz"};
+};
+
+/// The axes of a revolute or a cardano hinge without its point.
+struct RevoluteRotationData {
+  NodeIndex node1, node2;
+  Mat3 R1h, R2h;
+};
+
+struct CardanoRotationData {
+  NodeIndex node1, node2;
+  Mat3 R1h, R2h;
+};
+
 struct CardanoPinData {
   NodeIndex node;
   Vec3 d;
@@ -92,10 +115,14 @@ class Hinge final : public Constraint {
   Hinge(const CardanoHingeData& data, const Numbering& numbering);
   Hinge(const CardanoPinData& data, const Numbering& numbering);
   Hinge(const PrismaticData& data, const Numbering& numbering);
+  Hinge(const AxialRotationData& data, const Numbering& numbering);
+  Hinge(const RevoluteRotationData& data, const Numbering& numbering);
+  Hinge(const CardanoRotationData& data, const Numbering& numbering);
 
   void assemble(const State& state, Equations& eq, bool tangent) const override;
   void rates(const State& state, ConstraintRates& out, bool tangent) const override;
   bool is_couple(int k) const override { return k >= points_; }
+  bool velocity_level(int k) const override { return spin_ && k == size_ - 1; }
   std::vector<ScalarInfo> scalars() const override;
   bool reactions_first() const override { return true; }
   void accept(const State& state) override;
@@ -116,8 +143,10 @@ class Hinge final : public Constraint {
 
   void assemble_points(const State& state, Equations& eq, bool tangent) const;
   void assemble_axes(const State& state, Equations& eq, bool tangent) const;
+  void assemble_spin(const State& state, Equations& eq, bool tangent) const;
   void point_rates(const State& state, ConstraintRates& out, bool tangent) const;
   void axis_rates(const State& state, ConstraintRates& out, bool tangent) const;
+  void without_points();
   void set_points(const NodeSlot& node1, const Vec3& d1, const NodeSlot& node2, const Vec3& d2, int first);
   void add_axis(const NodeSlot& node_a, const Vec3& a, const NodeSlot& node_b, const Vec3& b, double couple_sign);
 
@@ -129,6 +158,7 @@ class Hinge final : public Constraint {
   double force_sign_ = 1.0;      ///< of F on node 1's equilibrium rows
   std::vector<Axis> axes_;
   std::optional<Friction> friction_;
+  DrivePtr spin_;  ///< imposed angular velocity about axis 3, the last row; null = none
   double turn(const State& state) const;
   Mat3 R1h_ = Mat3::Identity(), R2h_ = Mat3::Identity();  ///< hinge frames of a revolute hinge
   double last_turn_ = 0.0;                                ///< angle about the axis, whole turns counted [rad]
@@ -143,6 +173,9 @@ RevolutePinData read_revolute_pin(Context& context);
 CardanoHingeData read_cardano_hinge(Context& context);
 CardanoPinData read_cardano_pin(Context& context);
 PrismaticData read_prismatic(Context& context);
+AxialRotationData read_axial_rotation(Context& context);
+RevoluteRotationData read_revolute_rotation(Context& context);
+CardanoRotationData read_cardano_rotation(Context& context);
 
 }  // namespace reading
 

@@ -1,30 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "mbdae/deck/drive_reader.h"
 #include "mbdae/elements/ends.h"
 #include "mbdae/elements/hinge.h"
 
 namespace mbdae::reading {
 
-namespace {
-
-/// True if the argument can only be the beginning of a position: `null`, a frame, a real number.
-bool at_vector(Input& input) {
-  if (!input.more()) return false;
-  if (input.at_real()) return true;
-  const auto words = input.peek_words();
-  return words && (words->is("null") || words->is("reference"));
-}
-
-}  // namespace
-
 SphericalHingeData read_spherical_hinge(Context& context) {
-  // Nothing else here begins like a position: the word may be left out.
-  const auto presence = [&] { return at_vector(context.input) ? Presence::required : Presence::optional; };
-  End first = read_end(context);
-  read_offset(context, first.place(), presence(), &first.position);
-  read_hinge(context, first.place(), &first.orientation);
-  End second = read_end(context);
-  read_offset(context, second.after(first), presence(), &second.position);
-  read_hinge(context, second.after(first), &second.orientation);
+  const auto [first, second] = read_two_plain_ends(context);
   return SphericalHingeData{first.node, second.node, first.position, second.position};
 }
 
@@ -79,6 +61,25 @@ CardanoHingeData read_cardano_hinge(Context& context) {
 CardanoPinData read_cardano_pin(Context& context) {
   const Pin pin = read_pin(context);
   return CardanoPinData{pin.end.node, pin.end.position, pin.end.orientation, pin.X0, pin.R0};
+}
+
+AxialRotationData read_axial_rotation(Context& context) {
+  const auto [first, second] = read_two_ends(context, Presence::required);
+  const AllowStateDrives allow(context);
+  DrivePtr drive = read_drive(context);
+  refuse_friction(context.input);
+  return AxialRotationData{first.node,        second.node,        first.position,  second.position,
+                           first.orientation, second.orientation, std::move(drive)};
+}
+
+RevoluteRotationData read_revolute_rotation(Context& context) {
+  const auto [first, second] = read_two_ends(context, Presence::optional);
+  return RevoluteRotationData{first.node, second.node, first.orientation, second.orientation};
+}
+
+CardanoRotationData read_cardano_rotation(Context& context) {
+  const auto [first, second] = read_two_ends(context, Presence::optional);
+  return CardanoRotationData{first.node, second.node, first.orientation, second.orientation};
 }
 
 PrismaticData read_prismatic(Context& context) {

@@ -96,9 +96,10 @@ ScalarLawValue evaluate(const Law1& law, double t, double strain, double rate) {
     return {value.force, value.stiffness, value.damping};
   }
   using Scalar = Eigen::Matrix<double, 1, 1>;
-  const LawValue<1> value = std::holds_alternative<LinearLaw<1>>(law)
-                                ? evaluate(std::get<LinearLaw<1>>(law), t, Scalar(strain), Scalar(rate))
-                                : evaluate(std::get<CubicLaw<1>>(law), t, Scalar(strain), Scalar(rate));
+  const auto of = [&](const auto& spring) -> LawValue<1> { return evaluate(spring, t, Scalar(strain), Scalar(rate)); };
+  const LawValue<1> value = std::holds_alternative<LinearLaw<1>>(law)  ? of(std::get<LinearLaw<1>>(law))
+                            : std::holds_alternative<CubicLaw<1>>(law) ? of(std::get<CubicLaw<1>>(law))
+                                                                       : of(std::get<FunctionLaw<1>>(law));
   return {value.f(0), value.K(0), value.C(0)};
 }
 

@@ -57,6 +57,23 @@ LawValue<N> evaluate(const CubicLaw<N>& law, double t, const Eigen::Matrix<doubl
   return out;
 }
 
+template <int N>
+LawValue<N> evaluate(const FunctionLaw<N>& law, double t, const Eigen::Matrix<double, N, 1>& strain,
+                     const Eigen::Matrix<double, N, 1>& rate) {
+  LawValue<N> out;
+  const Eigen::Matrix<double, N, 1> e = strain - law.prestrain.at(t);
+  out.f = law.prestress + law.C * rate;
+  out.K.setZero();
+  out.C = law.C;
+  for (int i = 0; i < N; ++i) {
+    const ScalarFunctionPtr& function = law.elastic[static_cast<std::size_t>(i)];
+    if (!function) continue;
+    out.f(i) += function->value(e(i));
+    out.K(i, i) = function->slope(e(i));
+  }
+  return out;
+}
+
 /// Muscle force at strain eps = l/L_rod - 1 and strain rate [1/s] (Pennestri's curves or the erf variant).
 ///
 /// Derivatives are exact; they are zero where the activation is clipped, and at the start of the short range

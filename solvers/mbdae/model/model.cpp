@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "mbdae/model/driven.h"
+
 namespace mbdae {
 
 Model::Model(const Deck& deck) : deck_(deck) {
@@ -51,7 +53,7 @@ Model::Model(const Deck& deck) : deck_(deck) {
         numbering.own = own_[i].first;
       }
       if (list == &deck.genels) numbering.scalar = scalar_of_genel[i];
-      std::unique_ptr<Element> element = data.type->make(data.data, numbering);
+      std::unique_ptr<Element> element = driven(data.type->make(data.data, numbering), data.driver);
       if (list == &deck.joints) joints_.push_back(element.get());
       if (const Flexible* body = element->flexible()) flexible_.push_back({&data, body});
       if (const Muscle* muscle = element->muscle()) muscles_.push_back({&data, muscle});
