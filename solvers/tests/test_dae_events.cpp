@@ -206,3 +206,32 @@ TEST_CASE("time steps without end are refused") {
   deck.initial_value.final_time = 1e9 + 1e-6;
   CHECK_THROWS_WITH(integrate(deck, {}), Catch::Contains("round-off"));
 }
+
+TEST_CASE("states are met at jumps and at later times like motions") {
+  deck_test::DeckText text;
+  text.initial =
+      "initial time: 0.; final time: 1.; time step: 0.1; method: bdf; eigenanalysis: list, 2, 0., 0.75, parameter, "
+      "0.02;\n";
+  text.control = "abstract nodes: 1; genels: 1;";
+  text.nodes = "structural: 1, dynamic, null, eye, null, null;\nabstract: 2, differential, value, 0.25;\n";
+  text.elements =
+      "body: 1, 1, 2., null, eye;\nforce: 1, absolute, 1, position, null, 1., 0., 0., step, 0.503, 3., 0.;\n"
+      "genel: 1, spring support, 2, abstract, algebraic, linear viscous, 2.;\n"
+      "force: 2, abstract, 2, abstract, step, 0.503, 3., 0.;\n";
+  const Deck deck = deck_test::read_good(text);
+  const Motion motion = integrate(deck, {});
+  CHECK(at_end(motion, "node 1.x") == Approx(0.75 * 0.497 * 0.497).epsilon(1e-8));
+  std::size_t state = 0;
+  for (std::size_t i = 0; i < motion.channels.size(); ++i) {
+    if (motion.channels[i].name.find("abstract node 2") == 0) state = i;
+  }
+  REQUIRE(state > 0);
+  CHECK(motion.data(motion.data.rows() - 1, static_cast<Eigen::Index>(state)) ==
+        Approx(0.25 + 1.5 * 0.497).epsilon(1e-9));
+
+  const std::vector<LinearisedModel> models = linearise_at_times(deck, {});
+  REQUIRE(models.size() == 2);
+  CHECK(models[1].time == Approx(0.8));  // the first step that reaches it
+  CHECK(models[1].y(12) == Approx(0.25 + 1.5 * 0.297).epsilon(1e-8));
+  CHECK(models[1].nodes[0].v(0) == Approx(1.5 * 0.297).epsilon(1e-8));
+}

@@ -196,7 +196,7 @@ TEST_CASE("an axial rotation spins as its drive says") {
     CHECK(at_end(motion, "node 2.wz") == Approx(1.5).epsilon(1e-8));
     CHECK(at_end(motion, "node 2.gz") == Approx(2.25).epsilon(integrator == std::string("ida") ? 1e-7 : 1e-4));
     // the centre of mass on its circle
-    CHECK(at_end(motion, "joint 2.reaction[1]") == Approx(1.5 * 1.5 * 0.1 * std::cos(2.25)).epsilon(2e-4));
+    CHECK(at_end(motion, "joint 2.reaction[1]") == Approx(-1.5 * 1.5 * 0.1 * std::cos(2.25)).epsilon(2e-4));
   }
   deck.elements.replace(deck.elements.rfind("ramp, 1.5"), 9, "node, 1, ");
   CHECK_FALSE(deck_test::complaint(deck.text()).empty());
@@ -225,7 +225,7 @@ TEST_CASE("driven elements are there while their drive is not zero") {
       "body: 1, 1, 2., null, eye; joint: 3, spherical pin, 1, position, null, position, null;\n"
       "driven: 3, 0., existing: joint, 3;\n";
   const LinearisedModel gone = linearise(deck_test::read_good(deck), {});
-  CHECK(gone.J_plus.block<3, 3>(12, 12).isIdentity(gone.c * 2.0));
+  CHECK((gone.J_plus.block<3, 3>(12, 12) - gone.c * Mat3::Identity()).isZero(1e-15));
   CHECK(gone.J_plus.block<3, 12>(12, 0).isZero(0.0));
   CHECK(gone.J_plus.block<12, 3>(0, 12).isZero(0.0));
   test::check_tangents(deck_test::read_good(deck), 41);
@@ -251,7 +251,7 @@ TEST_CASE("what cannot be driven is refused") {
 
 TEST_CASE("two stiffnesses, functions of the strain") {
   DeckText deck;
-  deck.globals = "scalar function: \"f\", multilinear, 0., 0., 1., 2., 2., 6.;\n";
+  deck.globals = "scalar function: \"f\", multilinear, 0., 0., 1., 2., 2., 6., end;\n";
   const auto law = [&](const std::string& text) {
     deck.elements = "joint: 1, rod, 1, 2, 1., " + text + ";\n";
     return deck_test::only_joint<RodData>(deck_test::read_good(deck)).law;

@@ -103,7 +103,7 @@ TEST_CASE("mistakes in elements") {
       "couple: 1, absolute, 1, 1., 0., 0., cosin, 0., 1.;",
       "test.mbd:14:37: error: unknown drive `cosin`, expected: const, null, unit, one, time, timestep, direct, ramp, "
       "sine, cosine, step, string, array, mult, reference, linear, node, element, dof, parabolic, cubic, piecewise "
-      "linear, or a number; did you mean "
+      "linear, file, or a number; did you mean "
       "`cosine`?\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., periodic, 2, 0., 1., 0., 1.;",
                  "test.mbd:14:37: error: not supported: the drive `periodic`\n");
@@ -119,10 +119,10 @@ TEST_CASE("mistakes in elements") {
   check_elements("couple: 1, absolute, 1, reference, global, 1., 0., 0., 1.;",
                  "test.mbd:14:25: error: a frame needs the word `single` before it: `single, reference, ...`\n");
   check_elements("beam3: 1;", "test.mbd:14:1: error: not supported: the element `beam3`\n");
-  check_elements(
-      "joints: 1, clamp, 1, node, node;",
-      "test.mbd:14:1: error: unknown card `joints`, expected body, joint, genel, gravity, force, couple or `end: "
-      "elements;`; did you mean `joint`?\n");
+  check_elements("joints: 1, clamp, 1, node, node;",
+                 "test.mbd:14:1: error: unknown card `joints`, expected body, joint, genel, gravity, force, couple, "
+                 "driven or `end: "
+                 "elements;`; did you mean `joint`?\n");
 }
 
 TEST_CASE("mistakes in declarations and named things") {
@@ -169,17 +169,17 @@ TEST_CASE("mistakes in the initial value block") {
   check_initial("initial time: 0.; final time: 1.; time step: 0.; method: ms, 2.;",
                 "test.mbd:3:46: error: found 0, expected the time step [s] greater than zero\n"
                 "test.mbd:3:62: error: found 2, expected a spectral radius between 0 and 1\n");
-  check_initial(
-      "initial time: 0.; final time: 1.; time step: 0.1; method: mss, 2.; time stp: 1.;",
-      "test.mbd:3:59: error: unknown method `mss`, expected: ms, implicit euler, crank nicolson, bdf, hope, "
-      "ss2, ss3, ss4, ms2, ms3, ms4, ms5, bathe, msstc3, msstc4, msstc5, mssth3, mssth4, mssth5, dirk33, "
-      "dirk43, dirk54, hybrid, third order, thirdorder, nostro; did you mean `ms`?\n"
-      "test.mbd:3:68: error: unknown card `time stp` in the initial value block, expected: initial time, "
-      "final time, time step, method, tolerance, max iterations, derivatives tolerance, derivatives max "
-      "iterations, derivatives coefficient, eigenanalysis, dummy steps number, dummy steps ratio, dummy "
-      "steps tolerance, dummy steps max iterations, dummy steps method, linear solver, nonlinear solver, "
-      "output, abort after, threads, min time step, max time step, preconditioner, iterative solver; did you mean "
-      "`time step`?\n");
+  check_initial("initial time: 0.; final time: 1.; time step: 0.1; method: mss, 2.; time stp: 1.;",
+                "test.mbd:3:59: error: unknown method `mss`, expected: ms, implicit euler, crank nicolson, bdf, hope, "
+                "ss2, ss3, ss4, ms2, ms3, ms4, ms5, bathe, msstc3, msstc4, msstc5, mssth3, mssth4, mssth5, dirk33, "
+                "dirk43, dirk54, hybrid, third order, thirdorder, nostro; did you mean `ms`?\n"
+                "test.mbd:3:68: error: unknown card `time stp` in the initial value block, expected: initial time, "
+                "final time, time step, method, tolerance, max iterations, derivatives tolerance, derivatives max "
+                "iterations, derivatives coefficient, eigenanalysis, dummy steps number, dummy steps ratio, dummy "
+                "steps tolerance, dummy steps max iterations, dummy steps method, linear solver, nonlinear solver, "
+                "output, abort after, threads, min time step, max time step, preconditioner, iterative solver, "
+                "strategy, enforce constraint equations; did you mean "
+                "`time step`?\n");
   check_initial("initial time: 0.; final time: 1.; time step: 0.1; method: bdf; method: ms, 0.6;",
                 "test.mbd:3:64: error: the method is given already (`bdf`), expected one card `method`\n");
   check_initial("initial time: 0.; final time: 1.; time step: 0.1; method: ms, 0.6; eigenanalysis: list, 2, 1., 0.;",

@@ -30,6 +30,8 @@ constexpr double kNewtonCoefficient = 1e-3, kRoundOff = 1e-14, kLooseNewton = 0.
 // Between two instants written: where constraints cease to be redundant, and ends of elements' modes.
 constexpr int kMostRestarts = 50, kMostEnds = 10000;
 
+constexpr double kRoundOffOfTimes = 1e-14;  // relative: IDA does not integrate over less
+
 constexpr double kNotQuite = 1e-10;  // violation at the start worth a word [m, rad]
 
 // First step as a part of the square root of the tolerance [s]: the first step is of first order, and IDA shortens it
@@ -147,6 +149,7 @@ std::string off_text(const Model& model, const Correction& positions, const std:
   std::ostringstream out;
   out.precision(3);
   out << before << violated(model, positions, false) << after << positions.moved << " m or rad";
+  if (positions.left > kNotQuite) out << "; " << positions.left << " m or rad remain open";
   return out.str();
 }
 
@@ -193,8 +196,16 @@ Motion integrate_ida(Model& model, const State& state, const InitialValueData& s
     bool written = false;
     while (!written) {
       const int flag = ida.advance(target, std::min(stop(), settings.final_time));
+      // A failure may come of what has been told.
+      const auto fail = [&] {
+        try {
+          ida.fail(flag);
+        } catch (const NotConverged& failure) {
+          throw NotConverged(failure.what() + (notes.empty() ? "" : " (" + notes.back() + ")"));
+        }
+      };
       if (flag == IDA_ROOT_RETURN) {  // an element ends its mode: begin again in the next one
-        if (++ends > kMostEnds) ida.fail(flag);
+        if (++ends > kMostEnds) fail();
         const std::vector<int> ended = ida.ended();
         equations.output(ida.t(), ida.y(), ida.ydot());
         equations.end_modes(ended);
@@ -203,9 +214,9 @@ Motion integrate_ida(Model& model, const State& state, const InitialValueData& s
         continue;
       }
       const bool at_jump = flag >= 0 && next_jump < jumps.size() && ida.t() >= jumps[next_jump].before;
-      if (flag < 0 && (flag == IDA_TOO_MUCH_WORK || !(ida.t() > started) || ++restarts > kMostRestarts)) ida.fail(flag);
-      // The instant of a jump is the one before it.
-      written = flag >= 0 && (!at_jump || target <= jumps[next_jump].after);
+      if (flag < 0 && (flag == IDA_TOO_MUCH_WORK || !(ida.t() > started) || ++restarts > kMostRestarts)) fail();
+      // The instant of a jump, to round-off, is the one before it.
+      written = flag >= 0 && (!at_jump || target <= jumps[next_jump].after + kRoundOffOfTimes * std::abs(target));
       if (written) {
         const State& now = equations.output(target, ida.y(), ida.ydot());
         model.accept(now);

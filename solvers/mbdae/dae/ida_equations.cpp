@@ -26,12 +26,15 @@ constexpr double kSmallerPart = 0.3;  // of what the constraints left out had in
 constexpr int kMostPasses = 10;       // of putting an instant back on the constraints
 constexpr int kMostSwitches = 8;      // of modes at one instant
 
-constexpr double kRedundant = 1e-7;  // relative size of a constraint's independent part below which it is redundant
+// Relative size of a constraint's independent part below which it is redundant. Where a closed chain cannot quite
+// close, what would be redundant is nearly so.
+constexpr double kRedundant = 1e-7, kNearlyRedundant = 1e-5;
+constexpr double kClosed = 1e-12;  // violation left [m, rad] above which a chain counts as one that cannot close
 
 // Combinations of constraints that are always satisfied: an orthonormal basis, one column each.
-Eigen::MatrixXd dependencies(const Eigen::MatrixXd& rows) {
+Eigen::MatrixXd dependencies(const Eigen::MatrixXd& rows, double threshold) {
   Eigen::FullPivLU<Eigen::MatrixXd> lu(rows.transpose());
-  lu.setThreshold(kRedundant);
+  lu.setThreshold(threshold);
   const Eigen::Index count = lu.dimensionOfKernel();
   if (count == 0) return Eigen::MatrixXd(rows.rows(), 0);
   const Eigen::HouseholderQR<Eigen::MatrixXd> qr(lu.kernel());
@@ -77,6 +80,7 @@ Correction IdaEquations::settle(double t) {
     }
     match_velocities(model_, state_);
   }
+  redundancy_ = positions.left > kClosed ? kNearlyRedundant : kRedundant;
   classify();
   stale_ = false;
   return positions;
@@ -341,7 +345,7 @@ Eigen::MatrixXd IdaEquations::constraint_rows() const {
 void IdaEquations::find_redundant() {
   redundant_.clear();
   if (reactions_ == 0) return;
-  const Eigen::MatrixXd basis = dependencies(constraint_rows());
+  const Eigen::MatrixXd basis = dependencies(constraint_rows(), redundancy_);
   if (basis.cols() == 0) return;
   const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(basis.transpose());
   for (Eigen::Index k = 0; k < basis.cols(); ++k) {
@@ -353,7 +357,7 @@ void IdaEquations::find_redundant() {
 // True if the constraints left out have become the wrong ones.
 bool IdaEquations::misses() const {
   if (redundant_.empty()) return false;
-  const Eigen::MatrixXd basis = dependencies(constraint_rows());
+  const Eigen::MatrixXd basis = dependencies(constraint_rows(), redundancy_);
   const auto count = static_cast<Eigen::Index>(redundant_.size());
   if (basis.cols() != count) return basis.cols() < count;
   Eigen::MatrixXd chosen(count, count);

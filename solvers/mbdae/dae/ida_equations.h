@@ -116,6 +116,7 @@ class IdaEquations {
   std::vector<bool> kept_;         // has a multiplier mu
   std::vector<bool> rate_counts_;  // of every scalar
   std::vector<int> redundant_;     // reactions whose constraint follows from the others, counted from the first scalar
+  double redundancy_ = 0.0;        // relative size of the part of a constraint that does not follow from others
   double part_ = 1.0;              // that they have in the dependencies, at least
   bool stale_ = false;             // others should be left out
   bool scalar_constraints_ = false;  // some scalar's equation constrains positions

@@ -253,6 +253,9 @@ class Reader {
           where, std::string("found the end of `") + kBlocks[block] + "`, expected `end: " + kBlocks[block_] + ";`");
     }
     if (block_ == kInitialValue) check_initial_value(context_, begin_);
+    if (block_ == kDrivers && context_.driver_count.found == 0) {
+      diagnostics().error(begin_, "the block `drivers` is empty, expected `file: ...;` in it, or no such block");
+    }
     if (block_ != kDrivers) done_ = std::max(done_, block_ + 1);
     block_ = -1;
   }
