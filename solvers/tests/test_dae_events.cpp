@@ -149,6 +149,17 @@ TEST_CASE("joints that do not quite meet are closed, and how far is told") {
   CHECK(motion.notes[0].find("3e-07 m") != std::string::npos);
 }
 
+TEST_CASE("a closed chain that cannot quite close moves, and what remains open is told") {
+  Deck deck = bricard();
+  deck.joints[1].as<RevoluteHingeData>().d2 += Vec3(5e-7, 0.0, 0.0);
+  deck.initial_value.final_time = 1.0;
+  const Motion motion = integrate(deck, {});
+  REQUIRE(motion.notes.size() == 1);
+  CHECK(motion.notes[0].find("constraint 1 of 5 of joint 3 (revolute hinge 3) is open by") != std::string::npos);
+  CHECK(motion.notes[0].find("m or rad remain open") != std::string::npos);
+  CHECK(std::abs(energy(deck, motion, motion.data.rows() - 1) - energy(deck, motion, 0)) < 1e-4);
+}
+
 TEST_CASE("velocities that the joints do not allow are replaced by the nearest") {
   Deck deck = bricard();
   deck.initial_value.final_time = 0.1;

@@ -82,6 +82,7 @@ Correction IdaEquations::settle(double t) {
   }
   redundancy_ = positions.left > kClosed ? kNearlyRedundant : kRedundant;
   classify();
+  if (positions.left > kClosed && !redundant_.empty()) project(true);
   stale_ = false;
   return positions;
 }
@@ -171,6 +172,19 @@ const State& IdaEquations::output(double t, const Values& y, const Values& ydot)
     model_.set_momenta(state_);
     return state_;
   }
+  project(false);
+  stale_ = misses();
+  check_agreement();
+  if (!redundant_.empty()) share_loads();
+  model_.set_momenta(state_);
+  return state_;
+}
+
+// Puts the present motion on the constraints by the shortest correction; on those that are integrated only, if asked.
+void IdaEquations::project(bool kept_only) {
+  const auto left_out = [&](int k) {
+    return kept_only && level_[static_cast<std::size_t>(k)] == Level::position && !kept_[static_cast<std::size_t>(k)];
+  };
   Eigen::MatrixXd Phi;
   double open = 1.0;
   for (int pass = 0; pass < 2 || (pass < kMostPasses && open > kConstraintTolerance); ++pass) {
@@ -179,6 +193,10 @@ const State& IdaEquations::output(double t, const Values& y, const Values& ydot)
     Eigen::VectorXd error = eq_.g.tail(own_);
     for (int k = 0; k < own_; ++k) {
       if (level_[static_cast<std::size_t>(k)] != Level::position) error(k) = 0.0;
+      if (left_out(k)) {
+        error(k) = 0.0;
+        Phi.row(k).setZero();
+      }
     }
     open = error.cwiseAbs().maxCoeff();
     const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> inverse = shortest_solution(Phi);
@@ -193,7 +211,8 @@ const State& IdaEquations::output(double t, const Values& y, const Values& ydot)
     Eigen::VectorXd speed(own_);
     for (int k = 0; k < own_; ++k) {
       const Level level = level_[static_cast<std::size_t>(k)];
-      speed(k) = level == Level::position ? rate(k) : level == Level::velocity ? eq_.g(model_.scalar_start() + k) : 0.0;
+      speed(k) = level == Level::velocity ? eq_.g(model_.scalar_start() + k) : 0.0;
+      if (level == Level::position && !left_out(k)) speed(k) = rate(k);
     }
     const Eigen::VectorXd change = inverse.solve(speed);
     for (int i = 0; i < nodes_; ++i) {
@@ -203,11 +222,6 @@ const State& IdaEquations::output(double t, const Values& y, const Values& ydot)
     }
     add_to_modes(-change, true);
   }
-  stale_ = misses();
-  check_agreement();
-  if (!redundant_.empty()) share_loads();
-  model_.set_momenta(state_);
-  return state_;
 }
 
 // Adds to modal displacements or velocities, given for all coordinates of motion, and to the unknowns of modal nodes.

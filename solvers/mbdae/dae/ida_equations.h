@@ -93,6 +93,7 @@ class IdaEquations {
   bool depends_on_positions(int row) const;
   double rate(int k) const;
   void gather(Eigen::MatrixXd& Phi) const;
+  void project(bool kept_only);
   Eigen::MatrixXd constraint_rows() const;
   void find_redundant();
   bool misses() const;
