@@ -146,6 +146,9 @@ def test_measured_phase_of_the_oh_58d() -> None:
     phase = np.degrees(np.angle(better.response(s.imag)))
     assert np.abs(bare - flight).min() > 15.0
     assert np.abs(phase - flight).max() < 10.0
+    # the lead raises the gain, too: what Mayo's pilots are with it, for docs/theory/loop.md
+    assert mayo_margins(better, MESO).gain_margin_db == pytest.approx(-2.64, abs=0.02)
+    assert mayo_margins(better, ECTO).gain_margin_db == pytest.approx(-2.11, abs=0.02)
 
 
 @pytest.mark.parametrize("name", [name for name in bundled_rotorcraft() if not name.startswith("roll-")])
