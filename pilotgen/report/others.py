@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
+from pilotgen.figures.style import quantity
 from pilotgen.objectives import GAIN_MARGIN, OBJECTIVES
 from pilotgen.population.shares import Share
 from pilotgen.population.tally import sentences as people_told
+from pilotgen.report.stills import smaller
 from pilotgen.uncertain.spread import sentences as draws_told
 
 MOST_PICTURES = 4  # of a directory
@@ -113,13 +115,14 @@ def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
 
 
 def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
-    told, row = tuple(draws_told(content)), GAIN_MARGIN
+    values = content.get("values") or {}
+    who = ", ".join(quantity(name).text(float(value)) for name, value in values.items() if isinstance(value, float))
+    asked = [f"Asked of the pilot with {who}."] if who else []
+    told, row = (*asked, *draws_told(content)), GAIN_MARGIN
     ends = [content["margins"][row.key]["quantiles"][q]["value"] for q in ("0.05", "0.95")]
     known = ends[0] is not None and ends[1] is not None
     answer = f"{row.label} {ends[0]:.{row.digits}f} to {row.text(ends[1])} (9 of 10)" if known else ""
-    return Section(
-        "uncertainty", "What is not known of him", source, told, answer, None, _pictures(directory, "uncertain*")
-    )
+    return Section("uncertainty", "What is not known of him", source, told, answer, None, _pictures(directory, "band*"))
 
 
 def _identification(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
@@ -135,7 +138,7 @@ def _pictures(directory: Path, names: str = "*") -> tuple[Picture, ...]:
         if data[:4] == b"\x89PNG" and len(data) <= PICTURE_BYTES:
             words = path.stem.replace("_", " ").replace("-", " ")
             width = round(int.from_bytes(data[16:20], "big") * _PIXELS)
-            found.append(Picture(base64.b64encode(data).decode("ascii"), width, words, words))
+            found.append(Picture(base64.b64encode(smaller(data)).decode("ascii"), width, words, words))
     return tuple(found)
 
 

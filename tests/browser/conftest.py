@@ -14,6 +14,7 @@ import pytest
 from study_maker import write_study
 
 from pilotgen.report import write_report
+from pilotgen.report.others import Section
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import Study, study_from_text
 
@@ -72,7 +73,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     results = write_study(directory, study, failed=(3, 12))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pilotgen.figures.style.DPI", 60)
-        write_report(directory, study)
+        table = {"heads": ["<b>head</b>"], "rows": [["<i>cell</i>"]]}
+        told = Section(
+            "population", "<i>people</i>", "<b>people</b>.csv", ("<script>alert(3)</script> fly.",), "<i>1 %</i>", table
+        )
+        write_report(directory, study, others=[told])
     return Made(study, results, directory)
 
 

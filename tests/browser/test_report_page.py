@@ -243,6 +243,7 @@ def test_markup_in_names_stays_text(made: Made, opened: Any) -> None:
     assert "<b>quick</b> & small" in page.inner_text("body")
     assert page.locator("b, i").count() == 0
     assert "collective of the <i>Puma</i><script>alert(2)</script>" in page.inner_text("body")
+    assert "<script>alert(3)</script> fly." in page.inner_text("body") and "<i>cell</i>" in page.inner_text("body")
     assert page.evaluate("pilotgen.model.data.study.name") == "<b>quick</b> & small"
     page.click("text=study file")
     assert '<script>alert("study")</script>' in page.inner_text("details pre")

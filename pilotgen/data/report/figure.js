@@ -323,7 +323,7 @@ pilotgen.figure = (() => {
     const [x, y] = chosen.body.sizes.seat_m;
     const length = settings.motion === "response" ? now.seat[structure.axis] : 0;
     arrow.visible = settings.motion === "response";
-    arrow.position.set(x - 0.22, y, 0);
+    arrow.position.set(x + 0.1, y - 0.02, -0.42); // beside the seat, on the collective's side
     arrow.setDirection(new THREE.Vector3().setComponent(structure.axis, length < 0 ? -1 : 1));
     arrow.setLength(Math.max(Math.abs(length) * 2, 0.02), Math.min(0.06, Math.abs(length) + 0.01), 0.04);
     renderer.render(scene, camera);
