@@ -90,6 +90,10 @@ REFLEX_DELAY = (
     "the reflex is delayed after linearisation: decks and matrices on disk have no delay, and calibrated gains were "
     "found without one (docs/theory/reflex_delay.md)"
 )
+FRICTION = (
+    "margins and poles are without the lever's friction of {:g} N, as if motions were too large for it to matter; "
+    "smaller ones stick (pilotgen limit-cycles tells how small)"
+)
 MEASURED_GROUPS = (
     "Mayo measured two groups of people; between and beyond them a pilot of his form is an interpolation or a guess"
 )
@@ -107,6 +111,8 @@ def caveats(study: Study, result: Mapping[str, Any]) -> list[str]:
         found.append(NO_DATA_OF_OTHER_LOOPS.format(loop=study.loop.words))
     elif study.pilot.model == MULTIBODY:
         found.append(RIGID_TORSO if study.pilot.torso["model"] == RIGID else TORSO_ON_SPRINGS)
+        if study.inceptor.friction is not None and study.inceptor.friction["breakout_n"] > 0.0:
+            found.append(FRICTION.format(study.inceptor.friction["breakout_n"]))
         if study.pilot.reflex_delay_s > 0.0:
             found.append(REFLEX_DELAY)
         if study.pilot.projection == "literal":

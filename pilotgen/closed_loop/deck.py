@@ -31,7 +31,7 @@ from pilotgen.study.study import Reflex, Study
 
 LOOP_DECK = "loop.mbd"
 SEAT_REACTION = "seat_pin.reaction[2]"
-STOP_STIFFNESS_N_PER_M = 2e4  # estimated: of the ends of the lever's travel, at the grip
+STOP_STIFFNESS_N_PER_M = 1e5  # estimated: of the ends of the lever's travel, at the grip
 START_S = 0.1  # of pulses
 
 
@@ -168,7 +168,7 @@ class ClosedLoop:
             vehicle=Vehicle(
                 parts=self.net.parts,
                 seat_force_n=self.weight_n,
-                forces=[(node, value, acts.gust) for node, value in self.net.gust] if acts.gust is not None else (),
+                gust=(acts.gust, self.net.gust) if acts.gust is not None else None,
                 lever_drive=lever,
                 pull=(acts.pull, self.pull_per_metre().tolist()) if acts.pull is not None else None,
                 friction=friction,
@@ -287,6 +287,21 @@ def check_study(study: Study) -> None:
             f"{name}: pilot.reflex_delay_s = {study.pilot.reflex_delay_s:g} is added after linearisation and cannot be "
             "in a deck, where muscles react at once; set it to 0"
         )
+
+
+def friction_of(study: Study) -> Friction | None:
+    """Friction of a study's lever; None for none."""
+    given = study.inceptor.friction
+    if given is None or given["breakout_n"] == 0.0:
+        return None
+    return Friction(
+        breakout_n=given["breakout_n"],
+        sliding_n=given["breakout_n"] - given["stribeck_n"],
+        velocity_m_s=given["stribeck_velocity_m_s"],
+        viscous_n_s_per_m=given["viscous_n_s_per_m"],
+        presliding_m=given["presliding_m"],
+        model=given["model"],
+    )
 
 
 def with_gearing(loop: ClosedLoop, gearing_rad_per_m: float) -> ClosedLoop:

@@ -23,6 +23,7 @@ PARTS = ("trim", "pitch", "delay", "chain", "rotorcraft", "plant")
 TRAVEL, SEAT_FORCE = "GRIP_TRAVEL", "SEAT_FORCE"
 PEDESTAL = "HEIGHT"  # the node that the seat follows
 FIRST_LABEL = 401
+GUST_DRIVE = "2"  # label of its drive caller; that of a pull is 1
 FIXED_GENELS = 8  # of the seat's follower and of the grip's travel, written out in the template
 CLAMPING_N = 1e4  # preload of the friction joint: far above any reaction of the hinge, so that they play no part
 
@@ -77,11 +78,10 @@ class Friction:
 
     @property
     def bristle_n_s_per_m(self) -> float:
-        """Damping of the bristles [N s/m]: critical for the mass that swings with a grip, about 2 kg."""
-        return 2.0 * math.sqrt(self.bristle_n_per_m * SWINGING_KG)
+        """Damping of the bristles [N s/m]: a tenth of the breakout force at 0.2 m/s, so that turns add no force."""
+        return 0.5 * self.breakout_n
 
 
-SWINGING_KG = 2.0  # estimated: lever and arm as felt at the grip
 KAPPA = 0.7  # share of the elastic range in which bristles do not slip at all (Dupont's elasto-plastic model)
 
 
@@ -104,8 +104,8 @@ class Vehicle:
         Rows by kind of part (`PARTS`).
     seat_force_n : float
         Weight that the seat carries at rest, the starting value of its force [N].
-    forces : sequence of (node, factor, drive)
-        Drives that act on rows.
+    gust : tuple or None
+        Drive of rising air [m/s], and what 1 m/s adds to rows, by node.
     lever_drive : str or None
         Drive of a moment on the lever, up positive [N m].
     pull : tuple or None
@@ -118,7 +118,7 @@ class Vehicle:
 
     parts: Mapping[str, tuple[Row, ...]]
     seat_force_n: float
-    forces: Sequence[tuple[str, float, str]] = ()
+    gust: tuple[str, Sequence[tuple[str, float]]] | None = None
     lever_drive: str | None = None
     pull: tuple[str, Sequence[float]] | None = None
     friction: Friction | None = None
@@ -146,8 +146,8 @@ def vehicle_text(vehicle: Vehicle, lever_axis_m: Sequence[float]) -> Part:
             if row.constant:
                 forces.append({"node": row.node, "drive": f"const, {number(row.constant)}"})
         parts[kind] = genels if genels else False
-    for node, factor, drive in vehicle.forces:
-        forces.append({"node": node, "drive": f"mult, const, {number(factor)}, {drive}"})
+    for node, factor in vehicle.gust[1] if vehicle.gust else ():
+        forces.append({"node": node, "drive": f"mult, const, {number(factor)}, reference, {GUST_DRIVE}"})
     couples = (vehicle.lever_drive is not None) + (vehicle.stops is not None)
     first = 1 + 2  # the two forces of the grip's travel
     return Part(
@@ -165,6 +165,7 @@ def vehicle_text(vehicle: Vehicle, lever_axis_m: Sequence[float]) -> Part:
         lever_drive=SimpleNamespace(label=str(first), drive=vehicle.lever_drive) if vehicle.lever_drive else False,
         stops=_stops_text(vehicle.stops, str(first + couples - 1)) if vehicle.stops else False,
         friction=_friction_text(vehicle.friction) if vehicle.friction else False,
+        gust=SimpleNamespace(drive=vehicle.gust[0], label=GUST_DRIVE) if vehicle.gust else False,
         pull=SimpleNamespace(drive=vehicle.pull[0]) if vehicle.pull else False,
         two_way=vehicle.two_way,
         counts=SimpleNamespace(

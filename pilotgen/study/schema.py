@@ -36,6 +36,7 @@ from pilotgen.study.fields import (
     bounds,
     did_you_mean,
 )
+from pilotgen.study.inceptor_section import INCEPTOR_ROWS
 from pilotgen.study.loop_section import LOOP_ROWS
 from pilotgen.study.population_section import population_rows, within_rows
 from pilotgen.study.seated_rows import SEATED_ROWS
@@ -157,26 +158,7 @@ SCHEMA: Mapping[str, Field] = {
     # ---- loop
     **LOOP_ROWS,
     # ---- inceptor
-    "inceptor": Section(meaning="the collective lever"),
-    "inceptor.lever_length_m": Number(
-        0.10, 1.00, "m", hint="lengths are in metres: 320 mm is 0.32", meaning="collective hinge to grip"
-    ),
-    "inceptor.gearing_rad_per_m": Number(
-        0.01,
-        20.0,
-        "rad/m",
-        hint="rad of blade pitch per metre of grip travel; the Puma of the paper has 1.1",
-        meaning="blade pitch per metre of grip travel of the loop's control, G0; blade pitch per rotation is this "
-        "times the lever length, of the cyclic `cockpit.cyclic.length_m`",
-    ),
-    "inceptor.position": Number(
-        0.0,
-        1.0,
-        "",
-        default=0.5,
-        hint="collective from 0 (full down) to 1 (full up)",
-        meaning="collective from full down to full up",
-    ),
+    **INCEPTOR_ROWS,
     # ---- pilot
     "pilot": Section(meaning="how the pilot is modelled"),
     "pilot.model": Choice(

@@ -23,6 +23,7 @@ from pilotgen.errors import StudyError
 from pilotgen.objectives import quantiles
 from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
 from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, Value, shown
+from pilotgen.study.inceptor_section import check_friction
 from pilotgen.study.loop_section import COLLECTIVE, LoopSignals, loop_from
 from pilotgen.study.population_section import check_within, population_from, within_from
 from pilotgen.study.reader import read_tree
@@ -58,6 +59,7 @@ class Inceptor:
     lever_length_m: float  # hinge to grip
     gearing_rad_per_m: float  # blade pitch per grip travel, G0 of the reference paper
     position: float  # 0 full down, 1 full up
+    friction: Mapping[str, Any] | None = None  # numbers of its friction, complete
 
 
 @dataclass(frozen=True)
@@ -509,7 +511,9 @@ _MAKERS: Mapping[str, Callable[[Any], Any]] = {
     "study": lambda name: name,
     "rotorcraft": rotorcraft_from,
     "loop": loop_from,
-    "inceptor": lambda data: Inceptor(**{**defaults("inceptor"), **data}),
+    "inceptor": lambda data: Inceptor(
+        **{**defaults("inceptor"), **data, "friction": check_friction(data.get("friction"))}
+    ),
     "pilot": _pilot,
     "cockpit": cockpit_from,
     "nominal": _nominal,

@@ -39,7 +39,7 @@ NUMBERS = (  # those of the bundled rotorcraft but for its mass
 )
 
 
-EQUIPMENT = {  # parts that a rotorcraft may have, whole
+EQUIPMENT = {  # parts that a rotorcraft or lever may have, whole
     "rotorcraft.actuator.corner_rad_s": 30.0,
     "rotorcraft.low_pass.frequency_hz": 5.0,
     "rotorcraft.notch.frequency_hz": 3.0,
@@ -51,6 +51,7 @@ EQUIPMENT = {  # parts that a rotorcraft may have, whole
     "rotorcraft.roll.lag.pole_damping": 0.03,
     "rotorcraft.roll.lag.zero_hz": 3.0,
     "rotorcraft.roll.lag.zero_damping": 0.03,
+    "inceptor.friction.breakout_n": 60.0,
 }
 ROLLS = {
     "rotorcraft": "roll-uh60a",
