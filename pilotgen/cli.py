@@ -37,6 +37,7 @@ COMMANDS = (
     "export",
     "margins",
     "loop",
+    "simulate",
     "loops",
     "rotorcraft",
     "torso",

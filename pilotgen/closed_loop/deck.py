@@ -280,6 +280,10 @@ def check_study(study: Study) -> None:
         raise StudyError(f"{name}: pilot.model = {study.pilot.model!r} has no deck; use a multibody pilot")
     if not study.loop.usual:
         raise StudyError(f"{name}: loop = {study.loop.words}: the deck of a closed loop is heave by the collective")
+    if not study.loop.usual:
+        raise StudyError(
+            f"{name}: loop = {study.loop.words} is not closed in a deck; only heave by the collective is, remove loop"
+        )
     if study.pilot.projection != "exact":
         raise StudyError(f"{name}: pilot.projection = 'literal' is a formula that no deck obeys; use exact")
     if study.pilot.reflex_delay_s > 0.0:

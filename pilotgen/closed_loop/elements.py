@@ -113,7 +113,7 @@ class MuscleLaw:
     clipped: bool = True
 
     def force(self, stretch: Floats, rate: Floats) -> Floats:
-        """Forces [N] at relative stretches from the posture and their rates [1/s], both (muscles, n); tension positive."""
+        """Tensions [N] at relative stretches from the posture and their rates [1/s], all (muscles, n)."""
         d = self.data
         x, v = d.x[:, None] + stretch, rate / d.velocity_factor
         a = d.activation[:, None] + self.proportional_gain * stretch + self.derivative_gain * v

@@ -1,6 +1,6 @@
-"""Harmonic balance of a closed deck: how fast a swing of given amplitude grows, and where it neither grows nor decays.
+"""Harmonic balance of a closed deck: how fast a swing of given amplitude grows, and where it stays as it is.
 
-The linear model of the closed deck with its nonlinear elements (`elements`) put around it; the geometry of the arm stays
+The linear model of the closed deck, its nonlinear elements (`elements`) around it; the geometry of the arm stays
 linear. A swing of the grip of amplitude A is a sum of harmonics; the first may grow, e^(sigma t), the others are those
 of a steady swing. For each A the balance gives sigma(A) and omega(A). Where sigma is zero there is a limit cycle:
 unstable if sigma rises with A (smaller swings die, larger ones grow), stable if it falls. docs/theory/limit_cycles.md.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import scipy.linalg
@@ -21,7 +22,7 @@ from pilotgen.closed_loop.elements import GripStops, MuscleLaw, friction_force
 from pilotgen.closed_loop.muscles import muscle_data, muscle_rows
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError
-from pilotgen.solver.descriptor import Complexes, Floats
+from pilotgen.solver.descriptor import Complexes, Floats, Numbers
 from pilotgen.solver.matrices import Matrices, descriptor
 
 SAMPLES = 64  # of one period; more with more harmonics
@@ -49,8 +50,8 @@ class LinearPart:
     """
 
     poles: Complexes
-    left: Complexes
-    right: Complexes
+    left: Numbers
+    right: Numbers
     direct: Floats
 
     def at(self, s: complex) -> Complexes:
@@ -239,7 +240,7 @@ class HarmonicBalance:
             ds = complex(change[1], change[2])
             change[1:3] = 0.0
             share = min(1.0, 0.2 * s.imag / max(abs(ds), 1e-12))
-            Y = Y + share * _complex(change[:cut].reshape(count, -1))
+            Y = np.asarray(Y + share * _complex(np.asarray(change[:cut].reshape(count, -1), dtype=float)))
             q = q + share * (change[cut : cut + modes] + 1j * change[cut + modes :])
             s += share * ds
             if not (np.isfinite(s) and s.imag > 1.0):
@@ -251,7 +252,7 @@ class HarmonicBalance:
     def _receptances(self, s: complex) -> list[Complexes]:
         omega = s.imag
         higher = [self.linear.at(1j * k * omega) for k in range(2, self.K + 1)]
-        return [self.linear.at(max(SLOW, s.real)).real + 0j, self._rest.at(s), *higher]
+        return [self.linear.at(max(SLOW, s.real)).real.astype(complex), self._rest.at(s), *higher]
 
     def _equations(self, Y: Complexes, q: Complexes, s: complex) -> tuple[Floats, Floats]:
         """Y - G W = 0 and (s - lambda) q - left W = 0 as reals, and their Jacobian.
@@ -293,10 +294,8 @@ class HarmonicBalance:
         jacobian[range(cut), range(cut)] += 1.0
         rows = np.arange(count) * m + 1
         right, own = near.right, s - near.poles
-        jacobian[np.ix_(rows, range(cut, cut + modes))] = -right.real
-        jacobian[np.ix_(rows, range(cut + modes, size))] = right.imag
-        jacobian[np.ix_(rows + 1, range(cut, cut + modes))] = -right.imag
-        jacobian[np.ix_(rows + 1, range(cut + modes, size))] = -right.real
+        jacobian[rows, cut : cut + modes], jacobian[rows, cut + modes :] = -right.real, right.imag
+        jacobian[rows + 1, cut : cut + modes], jacobian[rows + 1, cut + modes :] = -right.imag, -right.real
         i = np.arange(modes)
         jacobian[cut + i, cut + i] = jacobian[cut + modes + i, cut + modes + i] = own.real
         jacobian[cut + i, cut + modes + i], jacobian[cut + modes + i, cut + i] = -own.imag, own.imag
@@ -350,7 +349,7 @@ class HarmonicBalance:
     def limit_cycles(self, swings: list[Swing]) -> list[LimitCycle]:
         """Where the growth of a sweep changes its sign, found to 1e-6 of the amplitude."""
         cycles = []
-        for low, high in zip(swings[:-1], swings[1:], strict=True):
+        for low, high in pairwise(swings):
             if low.growth_rad_s == 0.0 or low.growth_rad_s * high.growth_rad_s > 0.0:
                 continue
             stable = low.growth_rad_s > 0.0

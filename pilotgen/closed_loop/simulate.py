@@ -18,12 +18,14 @@ from typing import Any
 import numpy as np
 
 from pilotgen.closed_loop.deck import START_S, ClosedLoop, Disturbance, friction_of, pulse
+from pilotgen.closed_loop.poles import eigenvalues
 from pilotgen.decks.text import number
 from pilotgen.decks.vehicle import Friction
-from pilotgen.errors import EvaluationError, MatrixError, PilotgenError
+from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError
 from pilotgen.evaluation import EvaluationContext
 from pilotgen.files import write_text
 from pilotgen.hdf5 import opened, text
+from pilotgen.population.shares import Share
 from pilotgen.solver.descriptor import Complexes, Floats
 from pilotgen.virtual.virtual_test import MOTION_FILETYPE, MOTION_VERSION, smooth
 
@@ -36,6 +38,7 @@ KICKS: dict[str, tuple[str, float, float]] = {  # name -> (unit, usual size, usu
 TIME_LIMIT_S = 600.0
 STEP_S = 1e-3
 TURBULENCE_HZ, TURBULENCE_LINES, TURBULENCE_CORNER_HZ = (0.1, 10.0), 100, 0.3  # corner estimated: hover near the ground
+SETTLING_S = 0.3  # after a pulse, before the fit
 FIT_HZ = 100.0  # sampling of a motion for the fit
 FIT_RANK = 1e-7  # singular values below this share of the largest are noise
 QUIET_M = 1e-4  # grip motion below this is rest
@@ -182,7 +185,8 @@ def simulate(
     integrator : str
         `ms`, MBDyn's own method at a fixed step, or `ida`.
     step_s : float
-        Time step, and distance of the rows [s].
+        Time step, and distance of the rows [s]. Where the solver asks for a shorter one (bristles that turn in a fast
+        motion), the motion is made again with a half and a quarter of it, in rows as before.
     keep : Path, optional
         `NAME.mbd` and `NAME.motion.h5`, with all channels, stay there.
     name : str
@@ -193,17 +197,7 @@ def simulate(
     EvaluationError
         The solver could not go on, which is told with the time.
     """
-    deck = loop.deck(
-        acts,
-        friction=friction,
-        stops=not linear,
-        activation_check=not linear,
-        final_time_s=duration_s,
-        time_step_s=step_s,
-    )
     where = keep if keep is not None else Path(context.scratch)
-    if keep is not None:
-        write_text(keep / f"{name}.mbd", deck)
     context.put_modes(loop.pilot.torso)
     output = where / f"{name}.motion.h5"
     muscles = loop.pilot.activations.muscle_names
@@ -214,7 +208,23 @@ def simulate(
     if integrator == "ida":
         options |= {"rtol": 1e-7, "atol": 1e-10}
     try:
-        context.ask("integrate", deck, f"{name}.mbd", output, integrator=integrator, **options)
+        for parts in (1, 2, 4):
+            deck = loop.deck(
+                acts,
+                friction=friction,
+                stops=not linear,
+                activation_check=not linear,
+                final_time_s=duration_s,
+                time_step_s=step_s / parts,
+            )
+            if keep is not None:
+                write_text(keep / f"{name}.mbd", deck)
+            try:
+                context.ask("integrate", deck, f"{name}.mbd", output, integrator=integrator, every=parts, **options)
+                break
+            except SolverError as error:
+                if parts == 4 or "use a shorter time step" not in error.reason:
+                    raise
     finally:
         context.time_limit_s = limit
     with opened(output, MOTION_FILETYPE, (MOTION_VERSION, 0), MatrixError) as file:
@@ -250,7 +260,7 @@ def exponentials(signal: Floats, step_s: float, most: int = 20) -> tuple[Complex
     L = n // 3
     Y = np.lib.stride_tricks.sliding_window_view(signal, L + 1)
     _, sizes, Vh = np.linalg.svd(Y, full_matrices=False)
-    rank = int(min(most, np.count_nonzero(sizes > FIT_RANK * sizes[0])))
+    rank = min(most, int((sizes > FIT_RANK * sizes[0]).sum()))
     V = Vh[:rank].T
     z = np.linalg.eigvals(np.linalg.pinv(V[:-1]) @ V[1:]).astype(complex)
     poles = np.log(z[np.abs(z) > 1e-12]) / step_s
@@ -295,10 +305,12 @@ def swing(motion: LoopMotion, from_s: float, to_s: float) -> float:
 
 
 def grows(motion: LoopMotion) -> bool:
-    """Whether the grip still swings at the end, not less than in the quarter before."""
+    """Whether the grip still swings at the end, not less than in the quarter before (between stops: nine tenths)."""
     T = float(motion.time[-1])
     before, after = swing(motion, 0.5 * T, 0.75 * T), swing(motion, 0.75 * T, T)
-    return after > QUIET_M and after > 0.98 * before
+    low, high = motion.stops_m
+    between_stops = after > 0.9 * 0.5 * (high - low)
+    return after > QUIET_M and after > (0.9 if between_stops else 0.98) * before
 
 
 # ---- chance of onset -------------------------------------------------------------------------------------------------
@@ -323,6 +335,20 @@ class Onset:
     def smallest_that_grew(self) -> float | None:
         """None if none did."""
         return float(self.sizes[self.grew].min()) if self.grew.any() else None
+
+    def as_dict(self, unit: str) -> dict[str, Any]:
+        """For JSON: the chance with its interval, and every kick."""
+        share = Share(int(self.grew.sum()), len(self.grew))
+        return {
+            "kicks": len(self.sizes),
+            "chance": share.as_dict(),
+            "chance_text": share.text(),
+            "unit": unit,
+            "smallest_that_goes_on": self.smallest_that_grew,
+            "largest_that_dies": self.largest_that_died,
+            "sizes": self.sizes.tolist(),
+            "goes_on": [bool(value) for value in self.grew],
+        }
 
     @property
     def largest_that_died(self) -> float | None:
@@ -362,3 +388,105 @@ def onset(
 def free_from(kind: str, pulse_s: float | None) -> float:
     """Time from which a kicked loop is free [s]."""
     return START_S + (pulse_s if pulse_s is not None else KICKS[kind][2])
+
+
+# ---- one kick, told ------------------------------------------------------------------------------------------------
+
+
+def kicked(
+    context: EvaluationContext,
+    loop: ClosedLoop,
+    kind: str,
+    size: float,
+    duration_s: float,
+    *,
+    pulse_s: float | None = None,
+    linear: bool = False,
+    integrator: str = "ms",
+    seed: int = 1,
+    keep: Path | None = None,
+) -> tuple[LoopMotion, dict[str, Any]]:
+    """Kick a loop once; the motion, and what is to be said of it (docs/io_formats/closed_loop.md).
+
+    Parameters
+    ----------
+    context, loop, kind, size, duration_s, linear, integrator, keep
+        As for `simulate` and `disturbance`; with the friction of the study unless `linear`.
+    pulse_s : float, optional
+        Length of the pulse [s].
+    seed : int
+        Of turbulence.
+
+    Raises
+    ------
+    EvaluationError
+        The solver could not go on.
+    """
+    friction = None if linear else friction_of(loop.study)
+    acts = disturbance(kind, size, pulse_s, seed)
+    motion = simulate(
+        context, loop, acts, duration_s, linear=linear, friction=friction, integrator=integrator, keep=keep
+    )
+    lam = eigenvalues(loop.linearise(context, loop.deck(), Path(context.scratch)))
+    swings = lam[(lam.imag > 2.0 * math.pi) & (lam.imag < 20.0 * math.pi)]
+    found = None if kind == "turbulence" else fit(motion, free_from(kind, pulse_s) + SETTLING_S, duration_s)
+    content: dict[str, Any] = {
+        "kick": {"kind": kind, "size": size, "unit": KICKS[kind][0], "pulse_s": pulse_s or KICKS[kind][2]},
+        "duration_s": duration_s,
+        "linear": linear,
+        "integrator": integrator,
+        "friction_n": None if friction is None else friction.breakout_n,
+        "largest_grip_travel_mm": 1e3 * float(np.abs(motion.travel).max()),
+        "largest_seat_acceleration_m_s2": float(np.abs(motion.acceleration).max()),
+        "share_of_activations_at_their_ends": motion.clipped,
+        "hits_stop": motion.hits_stop,
+        "swing_at_the_end_mm": 1e3 * swing(motion, 0.75 * duration_s, duration_s),
+        "goes_on": None if kind == "turbulence" else grows(motion),
+        "fit": None,
+    }
+    if found is not None and len(swings):
+        own = complex(found.growth_rad_s, found.omega_rad_s)
+        nearest = complex(swings[int(np.argmin(np.abs(swings - own)))])
+        content["fit"] = {
+            "growth_rad_s": found.growth_rad_s,
+            "frequency_hz": found.frequency_hz,
+            "nearest_pole": [nearest.real, nearest.imag],
+            "relative_difference": abs(own - nearest) / abs(nearest),
+        }
+    return motion, content
+
+
+def report_text(content: dict[str, Any]) -> str:
+    """A few lines for a person."""
+    kick = content["kick"]
+    end = {True: "goes on", False: "dies away", None: "lasts as long as the air moves"}[content["goes_on"]]
+    lines = [
+        f"kick       {kick['kind']}, {kick['size']:g} {kick['unit']}"
+        + (f", pulse of {kick['pulse_s']:g} s" if kick["kind"] != "turbulence" else ""),
+        f"motion     {end}; grip up to {content['largest_grip_travel_mm']:.3g} mm, seat up to "
+        f"{content['largest_seat_acceleration_m_s2'] / 9.81:.2g} g",
+    ]
+    if content["hits_stop"]:
+        lines.append("lever      meets a stop: what follows is no linear motion, and no flight either")
+    if not content["linear"]:
+        share = 100.0 * content["share_of_activations_at_their_ends"]
+        lines.append(f"muscles    {share:.0f} % of activations at 0 or 1")
+    if content["friction_n"]:
+        lines.append(f"friction   {content['friction_n']:g} N at the grip")
+    if content["fit"]:
+        found = content["fit"]
+        lines.append(
+            f"fit        {found['growth_rad_s']:+.3f} 1/s at {found['frequency_hz']:.3f} Hz; nearest pole "
+            f"{found['nearest_pole'][0]:+.3f} 1/s at {found['nearest_pole'][1] / (2.0 * math.pi):.3f} Hz "
+            f"({100.0 * found['relative_difference']:.2g} % away)"
+        )
+    if "onset" in content:
+        onset_found = content["onset"]
+        small, large = onset_found["smallest_that_goes_on"], onset_found["largest_that_dies"]
+        lines.append(f"onset      {onset_found['chance_text']} of {onset_found['kicks']} kicks go on")
+        unit = onset_found["unit"]
+        if small is not None:
+            lines.append(f"           smallest that goes on {small:.3g} {unit}")
+        if large is not None:
+            lines.append(f"           largest that dies {large:.3g} {unit}")
+    return "\n".join(lines)

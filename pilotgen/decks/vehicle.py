@@ -69,7 +69,7 @@ class Friction:
     velocity_m_s: float
     viscous_n_s_per_m: float
     presliding_m: float
-    model: str = "lugre"
+    model: str = "coulomb"
 
     @property
     def bristle_n_per_m(self) -> float:

@@ -65,7 +65,9 @@ INCEPTOR_ROWS: Mapping[str, Field] = {
         1e-6, 0.01, "m", default=2e-4, meaning="elastic travel of the grip before it slides"
     ),
     "inceptor.friction.model": Choice(
-        ("lugre", "coulomb"), default="lugre", meaning="elastic before it slides, or stuck and sliding without between"
+        ("coulomb", "lugre"),
+        default="coulomb",
+        meaning="stuck and sliding without between, or elastic before it slides",
     ),
 }
 

@@ -16,6 +16,11 @@ namespace {
 constexpr MultistepCoefficients kImplicitEuler{1.0, 0.0, 1.0, 0.0, 0.0};
 constexpr MultistepCoefficients kCrankNicolson{1.0, 0.0, 0.5, 0.5, 0.0};
 
+// After so many iterations corrections are made with new factors, and halved while the residual falls by less than half
+// of what they promise.
+constexpr int kGoesRound = 8;
+constexpr double kLeastShare = 1.0 / 64.0;
+constexpr double kFarOff = 1e3;  // tolerances; nearer, Newton's method is on one side of the kink
 // Newton has converged in all but name when the residual no longer falls below this part of the largest force.
 constexpr double kRoundOff = 1e-13;
 
@@ -89,7 +94,8 @@ class Stepper {
     double norm = 0.0;
     int switches = 0;
     bool renew = !lu_ || std::abs(lu_c_ - c) > kSameStep * c;
-    bool kept = false;  // the last correction came from kept factors
+    bool kept = false;   // the last correction came from kept factors
+    double share = 1.0;  // of a correction; less where Newton's method goes round in a kink (friction that turns)
     for (int iteration = 0; iteration <= settings_.max_iterations; ++iteration) {
       apply(known + c * rate, rate, next.state);
       model_.assemble(next.state, eq_, renew);
@@ -119,14 +125,20 @@ class Stepper {
       Eigen::VectorXd g = eq_.g;
       g.tail(count) /= c;
       Eigen::VectorXd delta;
-      if (!renew && (!kept || norm < kWorthKeeping * previous)) {
-        delta = lu_->solve(g);
+      if (!renew && (iteration < kGoesRound || norm <= kFarOff * settings_.tolerance) &&
+          (!kept || norm < kWorthKeeping * previous)) {
+        delta = by_factors(g);
         kept = true;
       } else {
         if (!renew) model_.assemble(next.state, eq_, true);
         delta = newton_step(known + c * rate, rate, c, g);
         renew = !lu_;
         kept = false;
+      }
+      if (iteration >= kGoesRound && norm > kFarOff * settings_.tolerance) {
+        const bool slow = norm > (1.0 - 0.5 * share) * previous;
+        share = slow ? std::max(0.5 * share, kLeastShare) : std::min(2.0 * share, 1.0);
+        delta *= share;
       }
       for (int k = 0; k < first; ++k) (model_.algebraic(k) ? next.state.y : rate)(k) -= delta(k);
       next.state.y.tail(count) -= delta.tail(count);
@@ -160,15 +172,31 @@ class Stepper {
       if (model_.algebraic(k)) J.col(k) = eq_.g_y.col(k);
     }
     J.bottomRows(count) /= c;
+    row_scale_ = column_scale_ = Eigen::VectorXd::Ones(J.rows());
     lu_.emplace(J);
     lu_c_ = c;
+    if (is_singular(*lu_) && J.rows() > 0) {
+      // Perhaps by its units only: a force on a seat that follows a state stands in its equations with c squared.
+      const auto inverse = [](double largest) { return largest > 0.0 ? 1.0 / largest : 1.0; };
+      row_scale_ = J.cwiseAbs().rowwise().maxCoeff().unaryExpr(inverse);
+      J = row_scale_.asDiagonal() * J;
+      column_scale_ = J.cwiseAbs().colwise().maxCoeff().transpose().unaryExpr(inverse);
+      J = J * column_scale_.asDiagonal();
+      lu_.emplace(J);
+    }
+    const Eigen::VectorXd scaled = row_scale_.cwiseProduct(g);
     if (is_singular(*lu_)) {
       lu_.reset();
-      return robust_solve(J, g);
+      return column_scale_.cwiseProduct(robust_solve(J, scaled));
     }
-    Eigen::VectorXd delta = lu_->solve(g);
-    delta += lu_->solve(g - J * delta);
-    return delta;
+    Eigen::VectorXd delta = lu_->solve(scaled);
+    delta += lu_->solve(scaled - J * delta);
+    return column_scale_.cwiseProduct(delta);
+  }
+
+  /// The correction by the factors at hand.
+  Eigen::VectorXd by_factors(const Eigen::VectorXd& g) const {
+    return column_scale_.cwiseProduct(lu_->solve(row_scale_.cwiseProduct(g)));
   }
 
   /// Orientation and angular velocity that a node's rotation increments are counted from.
@@ -234,6 +262,7 @@ class Stepper {
   const InitialValueData& settings_;
   Equations eq_;
   std::optional<Eigen::PartialPivLU<Eigen::MatrixXd>> lu_;  // of the last matrix that was factorised
+  Eigen::VectorXd row_scale_, column_scale_;                // of the factored matrix
   double lu_c_ = 0.0;                                       // h b0 that it was made with
   std::vector<Predicted> predicted_;                        // one per node
 };
