@@ -88,7 +88,7 @@ def test_friction_holds_small_kicks_only(context: EvaluationContext) -> None:
     lugre = simulate(
         context, loop, disturbance("lever", 20.0), 2.0, friction=Friction(5.0, 5.0, 0.02, 0.0, 2e-4, "lugre")
     )
-    assert np.abs(lugre.travel - small.travel[: len(lugre.travel)]).max() < 0.1 * np.abs(small.travel).max()
+    assert np.abs(lugre.travel - small.travel[: len(lugre.travel)]).max() < 0.15 * np.abs(small.travel).max()
 
 
 def test_steps_of_any_length(context: EvaluationContext) -> None:
