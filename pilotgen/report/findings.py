@@ -139,7 +139,8 @@ def _shares(results: StudyResults, limits: Mapping[str, float | None]) -> list[s
         if limit is not None
     ]
     counts.append(f"{int((columns['stable'][rows] == 0).sum())} make the closed loop unstable")
-    who = "first population, spread evenly over the box" if len(results.members) else "sample"
+    where = "region, not as people are" if DISTANCE in columns else "box"
+    who = f"first population, spread evenly over the {where}" if len(results.members) else "sample"
     return [f"Of the {len(rows)} evaluated pilots of the {who}, {', '.join(counts)}."]
 
 
@@ -218,7 +219,7 @@ def rarity(study: Study, results: StudyResults) -> list[str]:
     ]
     if distance >= region.radius * (1.0 - AT_BOUND):
         met.append(f"the surface of the region that holds {region.text}")
-    return told + ([f"The search stopped at {' and '.join(met)}: rarer pilots may be worse."] if met else [])
+    return told + ([f"The search stopped at {' and '.join(met)}: the worst pilot may lie beyond."] if met else [])
 
 
 def worse_on_curves(results: StudyResults, worst: int, curves: Sequence[Curve], region: Region | None = None) -> str:

@@ -101,4 +101,7 @@ def _how_many(study: Study, results: StudyResults, worst: int, others: Sequence[
         return Card("How many", told[0].answer or "see below", told[0].sentences[:3])
     shares = findings.how_far(results, worst, study.limits)
     more = "shares of people: “pilotgen population”, not run here"
+    if rare := findings.rarity(study, results):
+        who = rare[0].removeprefix("How rare the worst pilot is: ").split(" is ")[0]
+        return Card("How many", who, ["is at least as unusual as the worst pilot, see below", more])
     return Card("How many", "of the box, not of people", [*shares[-1:], more])
