@@ -261,14 +261,13 @@ class ResultsWriter:
         for side, bound in (("lower", lower), ("upper", upper)):
             variables.create_dataset(side, data=np.asarray(bound, dtype=float)).attrs["units"] = units
         self._evaluations = self._file.create_group("evaluations", track_order=True)
-        self._texts: dict[str, Any] = {}  # column -> hash of its texts so far
+        self._hashes: dict[str, _ColumnHash] = {}
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Add evaluations: the datasets of `columns_of`, the same ones every time."""
         group = self._evaluations
         for key, data in columns.items():
-            if data.dtype == object:
-                _hash_texts(self._texts.setdefault(key, hashlib.sha256()), data)
+            self._hashes.setdefault(key, _ColumnHash()).update(data)
             if key not in group:
                 kind = self._text if data.dtype == object else data.dtype
                 group.create_dataset(
@@ -306,9 +305,7 @@ class ResultsWriter:
 
     def __exit__(self, kind: object, *rest: object) -> None:
         if kind is None:
-            self._file.attrs[CHECKSUM] = _checksum(
-                self._file, {key: one.hexdigest() for key, one in self._texts.items()}
-            )
+            self._file.attrs[CHECKSUM] = _checksum(self._file, self._hashes)
         self._new.__exit__(kind, *rest)
 
 
@@ -333,13 +330,35 @@ def write_results(
             writer.population(members, front)
 
 
+class _ColumnHash:
+    """Hash of a column, the same in however many pieces it comes, and however wide its rows are padded with NaN."""
+
+    def __init__(self) -> None:
+        self._values, self._counts = hashlib.sha256(), hashlib.sha256()
+
+    def update(self, data: np.ndarray) -> None:
+        """Take rows of the column, shape (rows, ...)."""
+        if data.dtype == object:
+            _hash_texts(self._values, data)
+            return
+        if data.dtype.kind == "f":
+            there = ~np.isnan(data)
+            self._counts.update(there.reshape(len(data), -1).sum(axis=1, dtype=np.int64).tobytes())
+            data = data[there]
+        self._values.update(np.ascontiguousarray(data).tobytes())
+
+    def hexdigest(self) -> str:
+        """The hash so far."""
+        return self._values.hexdigest() + self._counts.hexdigest()
+
+
 def _hash_texts(found: Any, texts: np.ndarray) -> None:
     for one in texts:
         found.update(str(one).encode("utf-8", "replace") + b"\0")
 
 
-def _checksum(file: h5py.File, texts: Mapping[str, str]) -> str:
-    """Hash of what HDF5 gives no checksum: attributes, variables, populations, texts of evaluations (by column)."""
+def _checksum(file: h5py.File, columns: Mapping[str, _ColumnHash]) -> str:
+    """Hash of all that the file says: attributes, variables, populations, evaluations (by column)."""
     found = hashlib.sha256()
     attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version", CHECKSUM)}
     for key, value in sorted(attributes.items()):
@@ -355,8 +374,8 @@ def _checksum(file: h5py.File, texts: Mapping[str, str]) -> str:
     for key, one in sorted(file["evaluations"].items()):
         for name, value in sorted(one.attrs.items()):
             _hash_texts(found, np.array([key, name, *map(text, np.atleast_1d(value))], dtype=object))
-    for key, digest in sorted(texts.items()):
-        _hash_texts(found, np.array([key, digest], dtype=object))
+    for key in sorted(columns):
+        _hash_texts(found, np.array([key, columns[key].hexdigest()], dtype=object))
     return found.hexdigest()
 
 
@@ -366,14 +385,12 @@ def read_results(path: Path) -> StudyResults:
 
     with opened(path, FILETYPE, VERSION) as file:
         attributes = {key: value for key, value in file.attrs.items() if key not in ("filetype", "version", CHECKSUM)}
-        columns, texts = {}, {}
+        columns, hashes = {}, {}
         for key, dataset in file["evaluations"].items():
             columns[key] = dataset.asstr()[:] if h5py.check_string_dtype(dataset.dtype) else dataset[:]
-            if columns[key].dtype == object:
-                found = hashlib.sha256()
-                _hash_texts(found, columns[key])
-                texts[key] = found.hexdigest()
-        if int(file.attrs["version"][1]) >= 2 and text(file.attrs[CHECKSUM]) != _checksum(file, texts):
+            hashes[key] = _ColumnHash()
+            hashes[key].update(np.atleast_1d(columns[key]))
+        if int(file.attrs["version"][1]) >= 2 and text(file.attrs[CHECKSUM]) != _checksum(file, hashes):
             raise ValueError("it does not have its checksum")
         population = file.get("population")
         results = StudyResults(

@@ -126,7 +126,6 @@ def _huge(file: h5py.File) -> None:
 
 def _shifted(file: h5py.File) -> None:
     file["evaluations/gain_margin_db"][3] += 0.31
-    file["evaluations/reason"][3] = "something else"
 
 
 @pytest.mark.parametrize(
@@ -135,6 +134,9 @@ def _shifted(file: h5py.File) -> None:
         (_replaced("evaluations/rank", h5py.ExternalLink("/etc/passwd", "/x")), "is a link to elsewhere"),
         (_replaced("evaluations/rank", h5py.SoftLink("/evaluations/stable")), "is a link to elsewhere"),
         (_huge, "is said to have 800000000000 bytes"),
+        (_shifted, "does not have its checksum"),
+        (lambda file: file["evaluations"].__delitem__("rank"), "does not have its checksum"),
+        (lambda file: file["evaluations"].__setitem__("more", np.zeros(24)), "does not have its checksum"),
         (lambda file: file["evaluations/reason"].__setitem__(3, "else"), "does not have its checksum"),
         (lambda file: file["variables/lower"].__setitem__(0, 2.6), "does not have its checksum"),
         (lambda file: file["population/members"].__setitem__((0, 0), 1), "does not have its checksum"),
