@@ -5,13 +5,21 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 from pilotgen.errors import FileError
-from pilotgen.runs.executor import SINGLE_THREAD_VARIABLES, WorkerLost
+from pilotgen.runs.executor import SINGLE_THREAD_VARIABLES, WorkerLost, is_stopped
 
 CONNECT_TIMEOUT_S = 20.0
+LOOPBACK = "127.0.0.1"
+TLS_SETTINGS = ("CA_FILE", "CLIENT__CERT", "CLIENT__KEY")
+_LOOK_EVERY_S = 1.0
 IN_FLIGHT_PER_WORKER = 4  # hides the scheduler's latency; more would only cost memory
 
 
@@ -24,9 +32,16 @@ class DaskWorkers:
         Address of a running scheduler. Without one, a cluster of processes is started on this machine.
     count : int
         Number of processes of that local cluster.
+    time_limit_s : float
+        A worker of that local cluster that is stopped for so long is killed; the scheduler has a new one do its tasks.
+
+    Raises
+    ------
+    FileError
+        The package is missing, nobody answers at the address, or certificates are missing or refused.
     """
 
-    def __init__(self, address: str | None, count: int) -> None:
+    def __init__(self, address: str | None, count: int, time_limit_s: float = 30.0) -> None:
         try:
             import dask
             from distributed import Client, LocalCluster
@@ -40,12 +55,30 @@ class DaskWorkers:
         if address is None:
             environment = dict.fromkeys(SINGLE_THREAD_VARIABLES, "1")
             dask.config.set({"distributed.nanny.pre-spawn-environ": environment})
-            self._cluster = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
+            dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
+            # Who reaches a scheduler runs programs as its user: nobody but this machine does, and there are no pages.
+            self._cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                host=LOOPBACK,
+                dashboard_address=None,
+                scheduler_kwargs={"dashboard": False, "dashboard_address": f"{LOOPBACK}:0"},
+            )
+            self._over = threading.Event()
+            threading.Thread(target=self._end_stopped_workers, args=(time_limit_s,), daemon=True).start()
         try:
             self._client = Client(
                 self._cluster if self._cluster is not None else address, timeout=CONNECT_TIMEOUT_S, set_as_default=False
             )
-        except (OSError, ValueError, TimeoutError) as error:
+        except (OSError, ValueError, TypeError, TimeoutError, RuntimeError) as error:
+            self._stop_cluster()
+            if str(address).startswith("tls:"):
+                names = ", ".join(f"DASK_DISTRIBUTED__COMM__TLS__{name}" for name in TLS_SETTINGS)
+                raise FileError(
+                    f"--scheduler {address}: no dask scheduler answers there, or not to these certificates ({error}); "
+                    f"they are named by the environment variables {names} (docs/cluster.md)"
+                ) from None
             raise FileError(
                 f"--scheduler {address}: no dask scheduler answers there ({error}); start one with: dask scheduler"
             ) from None
@@ -93,5 +126,24 @@ class DaskWorkers:
     def close(self) -> None:
         """Leave the cluster; stop it if it is ours."""
         self._client.close()
+        self._stop_cluster()
+
+    def _stop_cluster(self) -> None:
         if self._cluster is not None:
+            self._over.set()
             self._cluster.close()
+
+    def _end_stopped_workers(self, limit_s: float) -> None:
+        """Watch the local cluster's processes until it is over."""
+        stopped_s: dict[int, float] = {}
+        last = time.monotonic()
+        while not self._over.wait(min(_LOOK_EVERY_S, 0.5 * limit_s)):
+            now = time.monotonic()
+            passed, last = min(now - last, 2.0 * _LOOK_EVERY_S), now  # not what we were stopped ourselves
+            nannies = list(getattr(self._cluster, "workers", {}).values())
+            pids = [getattr(getattr(nanny, "process", None), "pid", None) for nanny in nannies]
+            stopped_s = {pid: stopped_s.get(pid, 0.0) + passed for pid in pids if pid is not None and is_stopped(pid)}
+            for pid, seconds in stopped_s.items():
+                if seconds > limit_s:
+                    with suppress(OSError):
+                        os.kill(pid, signal.SIGKILL)

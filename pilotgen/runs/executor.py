@@ -273,7 +273,7 @@ class ProcessWorkers:
             if not (worker.given or worker.warming_up):
                 continue
             worker.busy_s += min(passed, 2.0 * every_s)
-            worker.stopped_s = worker.stopped_s + min(passed, 2.0 * every_s) if _is_stopped(worker.process.pid) else 0.0
+            worker.stopped_s = worker.stopped_s + min(passed, 2.0 * every_s) if is_stopped(worker.process.pid) else 0.0
             if worker.stopped_s > self._limit_s or worker.busy_s > _CALLS * self._limit_s + _OWN_TIME_S:
                 worker.ended_by_us = True
                 worker.process.kill()  # its end of the pipe tells
@@ -309,7 +309,7 @@ class ProcessWorkers:
         self._poll = select.poll()
 
 
-def _is_stopped(pid: int | None) -> bool:
+def is_stopped(pid: int | None) -> bool:
     """Whether a process is stopped (SIGSTOP, SIGTSTP, a debugger)."""
     try:
         with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:

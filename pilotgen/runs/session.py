@@ -89,6 +89,11 @@ def open_batch(
     """
     print_hash = fingerprint(study, options.mbdae, options.solver)  # also finds out early that there is no solver
     workers = _make_workers(options, most)
+    if options.scheduler is not None and is_open(options.scheduler):
+        (say or _warn)(
+            f"anybody who reaches {options.scheduler} can run programs there as its user and as you; certificates "
+            "(tls://) keep others out: docs/cluster.md"
+        )
     try:
         with _open_journal(directory, study, kind, print_hash, say or _warn) as journal:
             robust = kind in ROBUST_KINDS and bool(study.robust)
@@ -155,6 +160,13 @@ def evaluate_pilots(
     return [found[index] for index in range(len(pilots))]
 
 
+def is_open(scheduler: str) -> bool:
+    """Whether a scheduler's address is one that others may reach and that asks for no certificate."""
+    protocol, _, rest = scheduler.rpartition("://")
+    host = rest.rpartition(":")[0].strip("[]") or rest
+    return protocol not in ("tls", "wss") and not (host == "localhost" or host.startswith("127.") or host == "::1")
+
+
 def _task_maker(
     study: Study, options: RunOptions, print_hash: str, robust: bool = False
 ) -> Callable[[Mapping[str, float]], Task]:
@@ -181,7 +193,7 @@ def _make_workers(options: RunOptions, most: int) -> Workers:
     if options.executor == "dask":
         from pilotgen.runs.dask import DaskWorkers
 
-        return DaskWorkers(options.scheduler, count)
+        return DaskWorkers(options.scheduler, count, options.time_limit_s)
     return ProcessWorkers(count, options.time_limit_s)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -124,3 +125,81 @@ def test_no_scheduler_is_told(study: Path, tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "no dask scheduler answers there" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate that signs itself, and its key."""
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl makes the certificate, and is not here")
+    directory = tmp_path_factory.mktemp("tls")
+    cert, key = directory / "cert.pem", directory / "key.pem"
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
+         "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(cert)],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    return cert, key
+
+
+def test_a_scheduler_with_certificates(certificate: tuple[Path, Path], tmp_path: Path) -> None:
+    """Who has no certificate is told; who has one gets the bytes of a local run."""
+    cert, key = map(str, certificate)
+    tls = ["--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key]
+    place = tmp_path / "scheduler.json"
+    scheduler = _dask(
+        "scheduler", "--host", "tls://127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place), *tls
+    )
+    worker = None
+    mayo = STUDIES / "puma-mayo.yaml"
+    try:
+        wait_until(lambda: place.exists() and place.stat().st_size > 0, "the scheduler")
+        address = address_of(place)
+        assert address.startswith("tls://")
+        worker = _dask(
+            "worker", address, "--nworkers", "1", "--nthreads", "1", "--no-nanny", "--no-dashboard",
+            "--local-directory", str(tmp_path), *tls,
+        )  # fmt: skip
+        command = ("sample", mayo, "-n", "6", "--quiet", "--executor", "dask", "--scheduler", address)
+        done = run(*command, "-o", tmp_path / "none")
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        assert "DASK_DISTRIBUTED__COMM__TLS__CA_FILE" in done.stderr.splitlines()[-1]
+        prefix = "DASK_DISTRIBUTED__COMM__TLS__"
+        names = {f"{prefix}CA_FILE": cert, f"{prefix}CLIENT__CERT": cert, f"{prefix}CLIENT__KEY": key}
+        done = run(*command, "-o", tmp_path / "tls", **names)
+        assert done.returncode == 0, done.stderr
+        assert "anybody who reaches" not in done.stderr
+    finally:
+        for process in (worker, scheduler):
+            if process is not None:
+                process.terminate()
+                process.wait()
+    local = run("sample", mayo, "-n", "6", "--quiet", "--workers", "1", "-o", tmp_path / "local")
+    assert local.returncode == 0, local.stderr
+    assert (tmp_path / "tls" / "study.h5").read_bytes() == (tmp_path / "local" / "study.h5").read_bytes()
+
+
+def test_a_local_cluster_is_this_machines_and_a_stopped_worker_is_replaced(tmp_path: Path) -> None:
+    psutil = pytest.importorskip("psutil")
+    directory = tmp_path / "out"
+    process = start(
+        "sample", STUDIES / "quick.yaml", "-n", "60", "-o", directory, "--quiet", "--executor", "dask",
+        "--workers", "1", "--time-limit", "2",
+    )  # fmt: skip
+    try:
+        wait_until(lambda: recorded(directory) >= 3 or process.poll() is not None, "three pilots")
+        everybody = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+        listening = [
+            connection.laddr.ip
+            for one in everybody
+            for connection in one.net_connections()
+            if connection.status == psutil.CONN_LISTEN
+        ]
+        assert listening and set(listening) == {"127.0.0.1"}
+        worker = next(one for one in everybody[1:] if any("mbdae" in c.name() for c in one.children()))
+        worker.suspend()
+        out, err = process.communicate(timeout=4 * PATIENCE_S)
+    finally:
+        kill(process.pid)
+    assert process.returncode == 0, err
+    assert "60 pilots" in out and "0 failed" in out
