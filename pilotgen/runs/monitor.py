@@ -184,10 +184,21 @@ def read_status(directory: Path) -> Status:
     beat: Any = None
     with suppress(OSError, ValueError, RecursionError, FileError):
         refuse_special(directory / HEARTBEAT_NAME)
-        beat = json.loads((directory / HEARTBEAT_NAME).read_text(encoding="utf-8"))
+        text = (directory / HEARTBEAT_NAME).read_text(encoding="utf-8")
+        beat = json.loads(text, parse_constant=lambda _: None)
     ok = stages.pop("", 0)
     failed = sum(stages.values())
-    return Status(kind, state, ok + failed, failed, stages, beat if isinstance(beat, dict) else None)
+    return Status(kind, state, ok + failed, failed, stages, beat if _is_sound(beat) else None)
+
+
+_IN_A_BEAT = ("time", "pid", "seconds", "done", "total", "evaluated", "generation", "generations")
+
+
+def _is_sound(beat: Any) -> bool:
+    """Whether a heartbeat is one: somebody may have written to the file."""
+    return isinstance(beat, dict) and all(
+        isinstance(beat.get(name), int | float) and 0 <= beat[name] < 1e15 for name in _IN_A_BEAT
+    )
 
 
 def _failed_by_stage(journal: Path) -> dict[str, int]:
@@ -202,7 +213,7 @@ def _failed_by_stage(journal: Path) -> dict[str, int]:
                 counts[stage] = counts.get(stage, 0) + 1
         finally:
             db.close()
-    except (sqlite3.Error, ValueError, AttributeError) as error:
+    except (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError) as error:
         raise FileError(f"{journal}: cannot be read ({error})") from None
     return counts
 

@@ -188,3 +188,17 @@ def test_pipes_and_devices_are_not_waited_for(run: Run, tmp_path: Path) -> None:
     people = changed(tmp_path, "study: puma-mayo", f"study: x  # {MAYO}", MAYO)
     refused(run("search", people, "-o", tmp_path / "o", "--log", tmp_path / "text.part"), "log cannot be written")
     shutil.rmtree(tmp_path / "study")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"time": "x"}', '{"time": 1e999, "done": 1, "total": 2}', "[" * 100_000, "\x00"]
+)
+def test_a_heartbeat_or_mark_that_is_none_is_no_fault_of_ours(run: Run, tmp_path: Path, text: str) -> None:
+    out = tmp_path / "out"
+    assert run("sample", MAYO, "-n", "2", "-o", out, "--workers", "1", "--quiet")[0] == 0
+    (out / ".heartbeat.json").write_text(text)
+    code, told, err = run("status", out)
+    assert (code, err) == (0, "") and "2 evaluations recorded" in told
+    assert run("status", out, "--json")[0] == 0
+    (out / ".pilotgen.json").write_text(text)
+    refused(run("status", out), r"\.pilotgen\.json: (cannot be read|is damaged|not the mark)")

@@ -309,7 +309,8 @@ def test_a_solver_for_pilots_without_a_deck_is_refused(run: Run, tmp_path: Path)
     ("address", "expected"),
     [
         ("tcp://head:8786", True), ("head:8786", True), ("tcp://10.0.0.3:8786", True), ("tcp://[fe80::1]:8786", True),
-        ("tls://head:8786", False), ("tcp://127.0.0.1:8786", False), ("localhost:8786", False), ("tcp://[::1]:8786", False),
+        ("tls://head:8786", False), ("tcp://127.0.0.1:8786", False),
+        ("localhost:8786", False), ("tcp://[::1]:8786", False),
     ],
 )  # fmt: skip
 def test_schedulers_that_anybody_may_use_are_told(address: str, expected: bool) -> None:
