@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         sample_population,
         search_pilots,
         sensitivity_of,
+        uncertain_pilot,
     )
 
 __version__ = "1.0.0"
@@ -61,6 +62,7 @@ _PUBLIC = {
     "sample_population": "people_api",
     "search_pilots": "api",
     "sensitivity_of": "people_api",
+    "uncertain_pilot": "people_api",
 }
 
 __all__ = [
@@ -83,6 +85,7 @@ __all__ = [
     "sample_population",
     "search_pilots",
     "sensitivity_of",
+    "uncertain_pilot",
 ]
 
 

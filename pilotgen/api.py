@@ -22,7 +22,7 @@ from pilotgen.loop.margins import Margins
 from pilotgen.loop.units import CONTROLS
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.output import STUDY_FILES, claimed
-from pilotgen.people_api import Found, rare_share, sample_population, sensitivity_of
+from pilotgen.people_api import Found, rare_share, sample_population, sensitivity_of, uncertain_pilot
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, StudyResults, columns_of, flat_columns, read_results, structured_array
@@ -56,6 +56,7 @@ __all__ = [
     "sample_population",
     "search_pilots",
     "sensitivity_of",
+    "uncertain_pilot",
 ]
 
 ACCELERATION, ROTATION, PITCH = "seat_zddot_m_s2", "collective_rad", "blade_pitch_rad"  # of heave by the collective

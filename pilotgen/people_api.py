@@ -1,4 +1,4 @@
-"""Populations, rare shares and sensitivities from Python; `pilotgen.api` offers them (docs/python.md).
+"""Populations, rare shares, sensitivities, uncertain pilots from Python; `pilotgen.api` offers them (docs/python.md).
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -6,6 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import copy
+import csv
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,23 +15,26 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.errors import EvaluationError
+from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.output import claimed
-from pilotgen.runs import population_study, rare_study, sensitivity_study
+from pilotgen.runs import population_study, rare_study, sensitivity_study, uncertain_study
 from pilotgen.runs.batch import OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.study.study import Study
+from pilotgen.uncertain.draws import Draws
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a population, a rare share or a sensitivity came to.
+    """What a population, a rare share, a sensitivity or the draws of one pilot came to.
 
     Attributes
     ----------
     path : Path
         The JSON file it left.
     content : mapping
-        What stands in it (docs/io_formats/population.md, docs/io_formats/sensitivity.md).
+        What stands in it (docs/io_formats/population.md, docs/io_formats/sensitivity.md, docs/io_formats/uncertain.md).
     progress : Progress
         What was done for it.
     """
@@ -44,7 +48,7 @@ class Found:
         return copy.deepcopy(dict(self.content))
 
     def table(self, objective: str | None = None) -> np.ndarray:
-        """A NumPy structured array: people of a population, or the numbers of a sensitivity for one objective.
+        """A NumPy structured array: people of a population, draws, or the numbers of a sensitivity for one objective.
 
         Parameters
         ----------
@@ -53,12 +57,14 @@ class Found:
 
         Returns
         -------
-        ndarray, shape (people,) or (numbers,)
-            Columns of people.csv (what a failed one lacks is NaN or empty); or `number`, `slope` and the indices
-            (rows of the table of an analysis of variance), NaN where there is none.
+        ndarray, shape (people,), (draws,) or (numbers,)
+            Columns of people.csv or uncertain.csv (what a failed one lacks is NaN or empty); or `number`, `slope` and
+            the indices (rows of the table of an analysis of variance), NaN where there is none.
         """
         if "objectives" in self.content:
             return _indices(self.content, objective)
+        if self.content.get("filetype") == uncertain_study.FILETYPE:
+            return _drawn(self.path.with_name(uncertain_study.DRAWS_NAME))
         people = self.path.with_name(population_study.PEOPLE_NAME)
         if "shares" not in self.content or not people.is_file():
             return _array([{**one["values"], **one} for one in self.content.get("nearest", [])])
@@ -152,7 +158,46 @@ def sensitivity_of(
     return _run(study, directory, "sensitivity", sensitivity_study.FILES, options, overwrite, run, 0)
 
 
-Done = population_study.PopulationRun | sensitivity_study.SensitivityRun
+def uncertain_pilot(
+    study: Study,
+    directory: str | os.PathLike[str],
+    number: int = 200,
+    values: Mapping[str, Any] | None = None,
+    options: RunOptions | None = None,
+    on_progress: OnProgress | None = None,
+    overwrite: bool = False,
+) -> Found:
+    """Evaluate draws of one pilot who is `uncertain`, as `pilotgen pilot --uncertain`; leaves uncertain.json and .csv.
+
+    Parameters
+    ----------
+    study, directory, options, on_progress, overwrite
+        As of `sample_population`; there is no journal to go on from.
+    number : int
+        How many draws. Draw i does not depend on it, nor on the pilot.
+    values : mapping, optional
+        What this pilot has other than the study's nominal one, as of `evaluate`.
+
+    Raises
+    ------
+    EvaluationError
+        The pilot as the study has him cannot be evaluated.
+    StudyError
+        Nothing is uncertain, or a name or value that the study cannot have.
+    """
+    Draws(study, 1).changes(0, study.values(values or {}))  # a slip of the caller, before anything is written
+
+    def run(mine: Study, place: Path, chosen: RunOptions) -> uncertain_study.UncertainRun:
+        with EvaluationContext(mine, chosen.mbdae, chosen.solver, chosen.mbdyn, chosen.time_limit_s) as context:
+            nominal = evaluate(context, mine.values(values or {}))
+            if not isinstance(nominal, Evaluation):
+                raise EvaluationError(nominal.stage, nominal.reason)
+            return uncertain_study.uncertain_study(context, nominal, place, number, chosen, on_progress)
+
+    return _run(study, directory, "uncertain", uncertain_study.FILES, options, overwrite, run, 0)
+
+
+Done = population_study.PopulationRun | sensitivity_study.SensitivityRun | uncertain_study.UncertainRun
 
 
 def _run(
@@ -178,6 +223,24 @@ def _indices(content: Mapping[str, Any], objective: str | None) -> np.ndarray:
         return _array(one["anova"] or [])
     numbers = (one["indices"] or {}).get("numbers", {})
     return _array([{"number": name, "slope": slope, **numbers.get(name, {})} for name, slope in one["slopes"].items()])
+
+
+def _drawn(path: Path) -> np.ndarray:
+    """Rows of uncertain.csv; words stay words, an empty cell of a margin is NaN."""
+    words = ("status", "stage", "stable")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [
+            {name: cell if name in words else _number(cell) for name, cell in row.items()}
+            for row in csv.DictReader(file)
+        ]
+    return _array(rows)
+
+
+def _number(cell: str) -> float | str | None:
+    try:
+        return float(cell) if cell else None
+    except ValueError:  # a word of the study, such as a task
+        return cell
 
 
 def _array(rows: list[dict[str, Any]]) -> np.ndarray:

@@ -141,7 +141,8 @@ def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:
     )
     for stage, reason, count, example in failures_by_reason(done.results)[:5]:
         print(f"  {count} failed at {stage}, e.g. {reason}")
-        print(f"    again with: {replay_command(str(study_path), example['values'], solver)}")
+        draws = f" --uncertain -n {study.uncertain['draws']}" if stage == "uncertain" else ""
+        print(f"    again with: {replay_command(str(study_path), example['values'], solver)}{draws}")
     print(f"results: {done.path}")
     report = done.path.with_name("report.html")
     if report.exists():

@@ -28,7 +28,7 @@ CHUNK = 500  # people in memory at a time, and between two looks at the interval
 KIND = "population"
 RESULT_NAME, PEOPLE_NAME = "population.json", "people.csv"
 FILES = (  # in its directory
-    RESULT_NAME, "population-*.png", "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "journal.sqlite*",
+    RESULT_NAME, "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "population-*.png", "journal.sqlite*",
 )  # fmt: skip
 FILETYPE, VERSION = "pilotgen population", 1
 

@@ -96,7 +96,7 @@ def run_task(task: Task) -> tuple[dict[str, Any], float]:
 
 
 def evaluated(task: Task) -> tuple[Evaluation | FailedEvaluation, float]:
-    """As `run_task`, with all of the outcome. Raises what it raises."""
+    """As `run_task`, with all of the outcome. Raises FileError and other errors as it does."""
     context = context_of(task)
     start_cpu, start_solver = time.process_time(), context.solver_seconds
     outcome: Evaluation | FailedEvaluation

@@ -33,6 +33,7 @@ from pilotgen.uncertain.draws import Draws
 from pilotgen.uncertain.spread import sentences, spread_of
 
 RESULT_NAME, DRAWS_NAME = "uncertain.json", "uncertain.csv"
+FILES = (RESULT_NAME, DRAWS_NAME)  # in its directory
 FILETYPE, VERSION = "pilotgen uncertain", 1
 FEWEST_FOR_BANDS = 3
 

@@ -25,7 +25,7 @@ def test_people_are_those_of_the_command(tmp_path: Path) -> None:
     )
     assert seen[-1] == 6 and found.progress.done == 6
     ask = ["population", str(STUDIES / "puma-population.yaml"), "-n", "6", "-o", str(tmp_path / "b"), "--workers", "2"]
-    assert main([*ask, "--quiet"]) == 0
+    assert main([*ask, "--quiet", "--no-figures"]) == 0
     for name in ("people.csv", "population.json"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     table = found.table()
@@ -60,3 +60,34 @@ def test_a_rare_share(tmp_path: Path) -> None:
     nearest = found.table()
     assert (nearest["gain_margin_db"] < 6.0).all() and (nearest["mahalanobis_distance"] > 0.0).all()
     assert {"age_years", "stature_m", "mass_kg", "pilot.sex"} <= set(nearest.dtype.names or ())
+
+
+def test_what_is_not_known_of_one_pilot(tmp_path: Path) -> None:
+    text = (STUDIES / "puma-mayo.yaml").read_text() + "uncertain:\n  variables:\n    pilot_damping: "
+    (tmp_path / "s.yaml").write_text(
+        text + "{distribution: normal, mean: 0, deviation: 0.02, as: offset, within: [-0.05, 0.05]}\n"
+    )
+    study = pg.read_study(tmp_path / "s.yaml")
+    values = {"pilot_frequency_hz": 3.0}
+    found = pg.uncertain_pilot(study, tmp_path / "a", 12, values, options=pg.RunOptions(workers=1))
+    ask = [
+        "pilot",
+        str(tmp_path / "s.yaml"),
+        "--uncertain",
+        "-n",
+        "12",
+        "-o",
+        str(tmp_path / "b"),
+        "--no-figures",
+        "--quiet",
+    ]
+    assert main([*ask, "--set", "pilot_frequency_hz=3.0"]) == 0
+    for name in ("uncertain.json", "uncertain.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    table = found.table()
+    assert len(table) == 12 and np.isfinite(table["pilot_damping"]).all() and found.progress.done == 12
+    margins = found.content["margins"]["modulus_margin"]
+    assert table["modulus_margin"].tolist() == margins["draws"]
+    with pytest.raises(pg.PilotgenError, match="has no section uncertain"):
+        pg.uncertain_pilot(pg.read_study(STUDIES / "puma-mayo.yaml"), tmp_path / "c", 3)
+    assert not (tmp_path / "c").exists()
