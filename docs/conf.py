@@ -33,7 +33,8 @@ root_doc = "contents"
 # ---- Markdown
 myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 4
-suppress_warnings = ["misc.highlighting_failure"]  # decks, YAML and terminal text are shown as they are
+# Decks, YAML and terminal text are shown as they are; attributes of one name in two classes need no link.
+suppress_warnings = ["misc.highlighting_failure", "ref.python"]
 
 # ---- notebooks: run while the site is built, an error in a cell is an error of the build
 nb_execution_mode = "cache"
