@@ -77,6 +77,14 @@ class FrequencyResponse:
 
         return CubicSpline(np.log(self.omega), np.column_stack((self.H.real, self.H.imag)))
 
+    def thinned(self, most: int) -> FrequencyResponse:
+        """The same at no more than `most` frequencies, evenly spaced on a logarithmic axis, by the spline."""
+        if len(self.omega) <= most:
+            return self
+        omega = np.geomspace(self.omega[0], self.omega[-1], most)
+        omega[-1] = self.omega[-1]
+        return FrequencyResponse(omega, self.at(omega), self.unstable_poles, self.poles_at_origin, self.path)
+
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
         """The splines themselves: ends in ln omega, shape (m,), and coefficients, highest power first.

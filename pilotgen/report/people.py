@@ -32,6 +32,7 @@ from pilotgen.study.schema import MAYO_PRESETS
 from pilotgen.study.study import Study
 
 SKELETON_BYTES = 1_100_000  # of skeletons in a page, beyond which no more are taken
+SPLINE_POINTS = 2_000  # of a measured rotorcraft; a file may have a million
 PLANT_NUMBERS = 60_000  # of rotorcraft that differ from pilot to pilot
 DECKS = 6  # whose text is in the page
 NOT_A_NUMBER = None
@@ -282,7 +283,7 @@ def _plant(study: Study) -> dict[str, Any]:
     if system is not None:
         plant |= {name: getattr(system, name).tolist() for name in "ABC"} | {"D": float(system.D)}
     if measured is not None:
-        edges, pieces = measured.pieces
+        edges, pieces = measured.thinned(SPLINE_POINTS).pieces
         plant["spline"] = {"ends": edges.tolist(), "pieces": pieces.ravel().tolist()}
     return plant
 

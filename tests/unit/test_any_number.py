@@ -47,10 +47,6 @@ EQUIPMENT = {  # parts that a rotorcraft or lever may have, whole
     "rotorcraft.notch.pole_damping": 0.6,
     "rotorcraft.sling.load_kg": 500.0,
     "rotorcraft.sling.stiffness_n_per_m": 1e5,
-    "rotorcraft.roll.lag.pole_hz": 3.2,
-    "rotorcraft.roll.lag.pole_damping": 0.03,
-    "rotorcraft.roll.lag.zero_hz": 3.0,
-    "rotorcraft.roll.lag.zero_damping": 0.03,
     "inceptor.friction.breakout_n": 60.0,
 }
 ROLLS = {
@@ -58,6 +54,10 @@ ROLLS = {
     "loop.input": "roll",
     "loop.output": "lateral",
     "pilot.limbs": ["left", "right"],
+    "rotorcraft.roll.lag.pole_hz": 3.2,
+    "rotorcraft.roll.lag.pole_damping": 0.03,
+    "rotorcraft.roll.lag.zero_hz": 3.0,
+    "rotorcraft.roll.lag.zero_damping": 0.03,
 }
 OF_ROLL = ("rotorcraft.roll.", "loop.")  # which only a pilot with a body can do
 

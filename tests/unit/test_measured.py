@@ -110,6 +110,9 @@ def test_many_rows(tmp_path: Path) -> None:
     plant = read_frequency_response(write(tmp_path / "long.csv", "\n".join(f"{f:.9g},{f:.6g},-1" for f in hz.tolist())))
     assert len(plant.omega) == len(hz)
     assert plant.H[-1] == pytest.approx(40.0 - 1.0j)
+    thin = plant.thinned(500)  # for a page
+    assert len(thin.omega) == 500 and thin.band_hz == pytest.approx(plant.band_hz)
+    assert thin.H == pytest.approx(plant.at(thin.omega)) and plant.thinned(10**6) is plant
 
 
 ROWS, PARTS = puma_rows(HZ[:10]), "frequency_hz,real,imag"
