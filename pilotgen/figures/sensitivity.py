@@ -13,7 +13,7 @@ import numpy as np
 
 from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, LINE_COLORS, SKY, VERMILLION, quantity
-from pilotgen.objectives import OBJECTIVES
+from pilotgen.objectives import objective
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +46,7 @@ def indices(content: Mapping[str, Any]) -> Figure:
     sobol = content["method"] != "morris"
     blocks = {"sobol": "base points", "morris": "trajectories", "surrogate": "pilots"}[content["method"]]
     for axes, (key, one) in zip(panels, shown.items(), strict=True):
-        row, numbers = OBJECTIVES[key], _numbers(one)
+        row, numbers = objective(key), _numbers(one)
         size = "total" if sobol else "mean_magnitude"
         order = sorted(numbers, key=lambda name: numbers[name][size])
         places = np.arange(len(order))
@@ -86,7 +86,7 @@ def effects(content: Mapping[str, Any]) -> Figure:
         axes.set_yticks(range(len(order)), list(names))
         axes.set_ylim(-0.7, len(order) - 0.3)
         axes.grid(visible=False, axis="y")
-        axes.set_title(OBJECTIVES[key].label)
+        axes.set_title(objective(key).label)
         axes.set_xlabel("share of the sum of squares")
         axes.set_xlim(0.0, 1.0)
     return figure
@@ -98,7 +98,7 @@ def slopes(content: Mapping[str, Any]) -> Figure:
     shown = content["objectives"]
     figure, panels = _panels(len(shown), len(content["numbers"]))
     for axes, (key, one) in zip(panels, shown.items(), strict=True):
-        row = OBJECTIVES[key]
+        row = objective(key)
         moves = {}
         for name, number in content["numbers"].items():
             slope = one["slopes"][name]
@@ -143,7 +143,7 @@ def convergence(content: Mapping[str, Any]) -> Figure:
         axes.set_xticks(base, [str(count) for count in base])
         axes.set_xlim(base[0] / 1.2, base[-1] * 1.3)
         axes.set_xlabel("pilots" if content["method"] == "surrogate" else "base points")
-        axes.set_title(OBJECTIVES[key].label)
+        axes.set_title(objective(key).label)
     handles, texts = panels[0].get_legend_handles_labels()
     figure.legend(handles[::-1], texts[::-1], loc="outside lower center", ncols=3, fontsize=7.5)
     panels[0].set_ylabel("total index")

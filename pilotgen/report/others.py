@@ -15,10 +15,12 @@ from typing import Any
 
 from pilotgen.errors import FileError
 from pilotgen.figures.style import quantity
-from pilotgen.objectives import GAIN_MARGIN, OBJECTIVES
+from pilotgen.objectives import GAIN_MARGIN, objective
 from pilotgen.population.shares import Share
+from pilotgen.population.tally import percent
 from pilotgen.population.tally import sentences as people_told
 from pilotgen.report.stills import smaller
+from pilotgen.runs.rare_study import sentences as rare_told
 from pilotgen.uncertain.spread import sentences as draws_told
 
 MOST_PICTURES = 4  # of a directory
@@ -80,19 +82,32 @@ def _population(directory: Path, source: str, content: Mapping[str, Any]) -> Sec
     )
 
 
+def _rare(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+    del directory  # it holds no pictures of this
+    answer = f"{percent(content['share'])} % of {content['name']}"
+    return Section("population", "How many people", source, tuple(rare_told(content)), answer)
+
+
 def _sensitivity(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
     rows, told = [], []
-    sobol = content["method"] == "sobol"
+    sobol = content["method"] != "morris"
     for key, found in content["objectives"].items():
+        row = objective(key)
+        if found.get("anova"):
+            shares = {line["source"]: _number(line["share"]) for line in found["anova"] if "share" in line}
+            order = sorted(shares, key=lambda name: -shares[name] if shares[name] == shares[name] else math.inf)
+            told.append(f"What moves the {row.label} most: {', '.join(order[:3])}.")
+            rows += [[row.label, name, f"{shares[name]:.3g}"] for name in order[:ROWS]]
         if not found.get("indices"):
             continue
-        row, numbers = OBJECTIVES[key], found["indices"]["numbers"]
+        numbers = found["indices"]["numbers"]
         weights = {name: _number(of["total" if sobol else "mean_magnitude"]) for name, of in numbers.items()}
         order = sorted(weights, key=lambda name: -weights[name] if weights[name] == weights[name] else math.inf)
         told.append(f"What moves the {row.label} most: {', '.join(order[:3])}.")
         unit = "" if sobol else f" {row.unit}"
         rows += [[row.label, name, f"{weights[name]:.3g}{unit}"] for name in order[:ROWS]]
-    heads = ["objective", "number", "total index" if sobol else "mean effect over its range"]
+    size = "share of the sum of squares" if content["method"] == "anova" else "total index"
+    heads = ["objective", "number", size if sobol else "mean effect over its range"]
     table = {"heads": heads, "rows": rows} if rows else None
     nothing = "No objective has a variance that could be shared out."
     return Section(
@@ -144,6 +159,7 @@ def _pictures(directory: Path, names: str = "*") -> tuple[Picture, ...]:
 
 _READERS: Mapping[str, Callable[[Path, str, Mapping[str, Any]], Section]] = {
     "population.json": _population,
+    "rare.json": _rare,
     "sensitivity.json": _sensitivity,
     "cures.json": _cures,
     "uncertain.json": _uncertain,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pilotgen.objectives import OBJECTIVES, Objective
+from pilotgen.objectives import Objective, objective
 
 MOST = 5  # numbers that a sentence tells
 
@@ -19,7 +19,7 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
 
 
 def _sentence(key: str, one: Mapping[str, Any], content: Mapping[str, Any]) -> str:
-    row = OBJECTIVES[key]
+    row = objective(key)
     if one.get("anova"):
         effects = sorted((line for line in one["anova"] if "f" in line), key=lambda line: -line["sum_of_squares"])
         parts = [f"{line['source']} [{100 * (line['share'] or 0.0):.0f} %]" for line in effects[:MOST]]
