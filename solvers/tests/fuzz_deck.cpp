@@ -32,10 +32,15 @@ namespace {
 namespace fs = std::filesystem;
 using Generator = std::mt19937_64;
 
+/// Beside the files that a seed names.
+const char* const kName = TEST_DATA_DIR "/deck_cards/fuzz.mbd";
+
 std::vector<std::string> load_seeds() {
   std::vector<fs::path> paths;
-  for (const auto& entry : fs::directory_iterator(TEST_DATA_DIR "/mbdyn_cases")) {
-    if (entry.path().extension() == ".mbd") paths.push_back(entry.path());
+  for (const char* directory : {TEST_DATA_DIR "/mbdyn_cases", TEST_DATA_DIR "/deck_cards"}) {
+    for (const auto& entry : fs::directory_iterator(directory)) {
+      if (entry.path().extension() == ".mbd") paths.push_back(entry.path());
+    }
   }
   std::sort(paths.begin(), paths.end());
   std::vector<std::string> seeds;
@@ -116,6 +121,22 @@ const std::vector<std::string> kTokens = {",",
                                           "rand()",
                                           "\xff\xfe",
                                           std::string("\0", 1),
+                                          "begin: drivers;",
+                                          "end: drivers;",
+                                          "file: 1, variable step, 1,",
+                                          "file: 1, fixed step, count, 2, initial time, from file,",
+                                          "file, 1, 2, amplitude,",
+                                          "pad zeroes, no,",
+                                          "driven: 1, 1.,",
+                                          "driven: 1, 0., existing: joint,",
+                                          "axial rotation,",
+                                          "cardano rotation,",
+                                          "double linear elastic, 1., 1., -1., 2.,",
+                                          "scalar function elastic,",
+                                          "relative frame,",
+                                          "chdir: \".\";",
+                                          "setenv: \"A=1\";",
+                                          "strategy: change,",
                                           "joint:",
                                           "body:",
                                           "structural:",
@@ -199,7 +220,7 @@ double use(const mbdae::Deck& deck) {
 /// Fails loudly: the promises of reader.h.
 void check(const std::string& text) {
   const auto begin = std::chrono::steady_clock::now();
-  const mbdae::ReadResult result = mbdae::read_deck_text(text, "fuzz.mbd");
+  const mbdae::ReadResult result = mbdae::read_deck_text(text, kName);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   bool error = false;
   for (const auto& diagnostic : result.diagnostics) error = error || diagnostic.severity == mbdae::Severity::error;
@@ -291,7 +312,7 @@ int main(int argc, char** argv) {
     const std::string text = mutated(seeds, random);
     std::ofstream(kept, std::ios::binary) << text;
     check(text);
-    read += mbdae::read_deck_text(text, "fuzz.mbd").deck.has_value() ? 1 : 0;
+    read += mbdae::read_deck_text(text, kName).deck.has_value() ? 1 : 0;
     ++count;
   }
   fs::remove(kept);

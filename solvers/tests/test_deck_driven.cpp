@@ -245,6 +245,8 @@ TEST_CASE("what cannot be driven is refused") {
   CHECK_THAT(complaint("driven: 1, 1., joint: 1, distance, 1, position, null, 2, position, null, 1.;\n"),
              Contains("not supported: a driven distance, which has unknowns of its own"));
   CHECK_THAT(complaint("driven: 1, 1., existing: joint, 1;\n"), Contains("joint 1 is not defined"));
+  CHECK_THAT(complaint("driven: 1, 1., joint, 1, clamp, 1, node, node;\n"),
+             Contains("without a colon, expected `joint: ...`"));
   CHECK_THAT(complaint("driven: 1, 1.;\n"), Contains("expected the driven element"));
   CHECK_THAT(complaint("driven: 1, 1., joint: 1, clamp, 1, node, node, 3.;\n"), Contains("expected `;`"));
 }
@@ -295,4 +297,18 @@ TEST_CASE("cards around a model") {
   deck.globals.clear();
   deck.initial += "strategy: sometimes;\n";
   CHECK_THAT(deck_test::complaint(deck.text()), Contains("strategy `sometimes`"));
+}
+
+TEST_CASE("a deck of all these cards moves alike by both integrators") {
+  const ReadResult result = read_deck_file(TEST_DATA_DIR "/deck_cards/cards.mbd");
+  INFO(deck_test::messages(result));
+  REQUIRE(result.deck.has_value());
+  const Motion ida = integrated(*result.deck, "ida"), ms = integrated(*result.deck, "ms");
+  CHECK(ida.notes.empty());
+  for (const char* name : {"node 2.wz", "node 3.vx", "node 3.vy", "node 3.vz"}) {
+    INFO(name);
+    CHECK(at_end(ms, name) == Approx(at_end(ida, name)).margin(2e-3));
+  }
+  CHECK(at_end(ida, "node 3.vz") < -2.3);  // it falls from 0.255 s on, against a rod and a spring
+  CHECK(at_end(ida, "joint 3.reaction[3]") == Approx(0.0).margin(1e-9));
 }

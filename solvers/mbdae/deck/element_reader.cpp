@@ -5,6 +5,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/deck/element_reader.h"
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <string_view>
 #include <utility>
@@ -187,6 +189,10 @@ void read_driven(Context& context) {
   const int card = existing ? -1 : input.take_card(kDriven);
   if (!existing && card < 0) {
     const auto words = input.peek_words();
+    const auto is_word = [&](const char* name) { return words->is(name); };
+    if (words && (is_word("existing") || std::any_of(std::begin(kDriven), std::end(kDriven), is_word))) {
+      input.fail(where, "found " + quoted(words->written) + " without a colon, expected `" + words->written + ": ...`");
+    }
     input.fail(where, (words ? "not supported: a driven " + quoted(words->written) : "found something else") +
                           ", expected " + joined(kDriven) + ", each with `:`, or `existing:`");
   }
