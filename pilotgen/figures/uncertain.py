@@ -45,7 +45,7 @@ def bdft_band(content: Mapping[str, Any]) -> Figure:
     from matplotlib.ticker import FuncFormatter
 
     bands = content["bands"]
-    f_hz, quantiles = np.array(bands["frequency_hz"]), bands["bdft_mm_per_m_s2"]
+    f_hz, quantiles = np.array(bands["frequency_hz"]), bands["feedthrough"]
     figure = style.new_figure(3.9, 6.6)
     axes = figure.subplots()
     for low, high, color, text in (("0.05", "0.95", OUTER, "90 %"), ("0.25", "0.75", INNER, "half")):
@@ -53,14 +53,14 @@ def bdft_band(content: Mapping[str, Any]) -> Figure:
             f_hz, quantiles[low], quantiles[high], color=color, linewidth=0, label=f"{text} of {_draws(content)}"
         )
     axes.plot(f_hz, quantiles["0.5"], color=BLUE, linewidth=1.2, label="median")
-    axes.plot(f_hz, bands["bdft_nominal_mm_per_m_s2"], **NOMINAL)
+    axes.plot(f_hz, bands["feedthrough_nominal"], **NOMINAL)
     axes.set_yscale("log")
     top = max(quantiles["0.95"])
     axes.set_ylim(top / 300.0, 1.4 * top)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     style.frequency_axis(axes, f_hz[0], f_hz[-1])
-    axes.set_ylabel("grip motion [mm per m/s²]")
-    axes.set_title("feedthrough with washout, frequency by frequency")
+    axes.set_ylabel(f"grip motion [{bands['feedthrough_unit'].replace('^2', '²')}]")
+    axes.set_title(f"feedthrough with washout, {content['loop']}, frequency by frequency")
     axes.legend(loc="lower center")
     return figure
 
@@ -100,7 +100,7 @@ def nyquist_band(content: Mapping[str, Any]) -> Figure:
     axes.set_ylim(-reach, reach)
     axes.set_xlabel("Re L")
     axes.set_ylabel("Im L")
-    axes.set_title(f"loop L(jω), {f_hz[0]:g} to {f_hz[-1]:g} Hz, frequency by frequency")
+    axes.set_title(f"L(jω), {content['loop']}, {f_hz[0]:g} to {f_hz[-1]:g} Hz")
     axes.legend(loc="upper right", fontsize=7.5)
     return figure
 

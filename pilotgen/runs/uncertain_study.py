@@ -137,6 +137,7 @@ def uncertain_study(
         "filetype": FILETYPE,
         "version": VERSION,
         "study_name": study.name,
+        "loop": study.loop.words,
         "seed": study.uncertain["seed"],
         "values": nominal.values,
         "what": _what(study, draws, nominal.values),

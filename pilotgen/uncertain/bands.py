@@ -13,21 +13,27 @@ import numpy as np
 
 from pilotgen.evaluation import Evaluation
 from pilotgen.linear.statespace import ComplexArray, FloatArray
+from pilotgen.study.loop_section import LoopSignals
 
-LOW_HZ, HIGH_HZ, POINTS = 0.1, 20.0, 160
+# Closer where pilots and rotorcraft have their lightly damped modes: ends [Hz] and points of each piece.
+PIECES = ((0.1, 1.0, 30), (1.0, 8.0, 240), (8.0, 20.0, 31))
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 INSIDE = (0.5, 0.9)  # share of draws in an ellipse of the loop
 
 
 def band_frequencies() -> FloatArray:
     """Frequencies [Hz] at which draws are compared. Shape (n,)."""
-    return np.geomspace(LOW_HZ, HIGH_HZ, POINTS)
+    return np.unique(np.concatenate([np.geomspace(*piece) for piece in PIECES]))
 
 
 def responses(evaluation: Evaluation) -> tuple[ComplexArray, ComplexArray]:
-    """Grip motion [mm per m/s^2], washout included, and loop of one draw at `band_frequencies`. Shape (n,) each."""
+    """Motion of the loop's grip, washout included, and loop of one draw at `band_frequencies`. Shape (n,) each.
+
+    Motion is in mm per m/s^2 of the seat, or per rad/s^2 if it turns.
+    """
     omega = 2.0 * math.pi * band_frequencies()
-    motion = 1e3 * np.asarray(evaluation.pilot_model.grip_motion(omega, washout=True))
+    loop = evaluation.loop
+    motion = 1e3 * loop.lever_length_m * np.asarray(evaluation.pilot_model.response(omega, loop.output))
     return motion, np.asarray(evaluation.loop.response(omega))
 
 
@@ -46,8 +52,9 @@ def bands(motion: Sequence[ComplexArray], loop: Sequence[ComplexArray], nominal:
     L = np.array(loop)
     return {
         "frequency_hz": band_frequencies().tolist(),
-        "bdft_mm_per_m_s2": {f"{q:g}": row.tolist() for q, row in zip(QUANTILES, magnitude, strict=True)},
-        "bdft_nominal_mm_per_m_s2": np.abs(own_motion).tolist(),
+        "feedthrough_unit": "mm per rad/s^2" if LoopSignals(nominal.loop.motion).rotates else "mm per m/s^2",
+        "feedthrough": {f"{q:g}": row.tolist() for q, row in zip(QUANTILES, magnitude, strict=True)},
+        "feedthrough_nominal": np.abs(own_motion).tolist(),
         "loop_nominal": {"real": own_loop.real.tolist(), "imag": own_loop.imag.tolist()},
         "loop_ellipses": [_ellipses(column) for column in L.T],
     }
