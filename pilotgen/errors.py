@@ -63,9 +63,9 @@ class MatrixError(PilotgenError):
     """A matrices file is not what it should be."""
 
 
-NO_MEMORY = (
-    "out of memory; a limit (ulimit -v, a job's memory) is too low, or the machine has no more: about 1.5 GB of "
-    "address space and 250 MB of memory are wanted for each process"
+NO_MEMORY = (  # a sample with one worker ran in 300 MB of address space, in 200 MB it did not
+    "out of memory; a limit (ulimit -v, a job's memory) is too low, or the machine has no more: about 500 MB of "
+    "address space and 150 MB of memory are wanted for each process"
 )
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "unable to allocate", "memory allocation failed",
               "out of memory", "std::bad_alloc", "can't start new thread")  # fmt: skip

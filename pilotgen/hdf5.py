@@ -9,6 +9,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import errno
+import hashlib
 import io
 import os
 import re
@@ -100,11 +101,17 @@ class NewFile:
         What its attribute `filetype` says.
     version : tuple of int
         Major and minor version of the format.
+    seal : bool
+        Leave the hash of all it says in the attribute `content_sha256`, which `opened` looks at. A file too large to be
+        read again has a checksum of its own instead.
     """
 
-    def __init__(self, path: str | os.PathLike[str], filetype: str, version: tuple[int, int]) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], filetype: str, version: tuple[int, int], seal: bool = True
+    ) -> None:
         import h5py
 
+        self._seal = seal
         self.path = Path(path)
         self._part = self.path.with_name(self.path.name + ".part")
         refuse_special(self._part)
@@ -130,6 +137,8 @@ class NewFile:
 
     def __exit__(self, kind: object, *_: object) -> None:
         try:
+            if kind is None and self._seal and self._spool.error is None:
+                self.file.attrs[SEAL] = content_sha256(self.file)
             self.file.close()
             self._spool.close()
             if kind is None:
@@ -141,6 +150,41 @@ class NewFile:
                     raise self._failure(error) from None
         finally:
             self._part.unlink(missing_ok=True)
+
+
+SEAL = "content_sha256"
+
+
+def content_sha256(file: h5py.File) -> str:
+    """Hash of every attribute and dataset: name, kind, shape and values."""
+    import h5py
+
+    found = hashlib.sha256()
+
+    def add(name: str, value: Any) -> None:
+        array = np.asarray(value)
+        found.update(f"{name}\0{array.shape}\0".encode())
+        if array.dtype.kind in "OSU":
+            for one in array.ravel():
+                found.update(text(one).encode("utf-8", "replace") + b"\0")
+        else:
+            found.update(array.dtype.str.encode() + np.ascontiguousarray(array).tobytes())
+
+    def attributes(name: str, one: Any) -> None:
+        for key in sorted(one.attrs):
+            if key != SEAL:
+                add(f"{name}@{key}", one.attrs[key])
+
+    def visit(name: str, one: Any) -> None:
+        if isinstance(one, h5py.Dataset):
+            add(name, one[()])
+        else:
+            found.update(name.encode() + b"/")
+        attributes(name, one)
+
+    attributes("", file)
+    file.visititems(visit)
+    return found.hexdigest()
 
 
 @contextmanager
@@ -175,6 +219,10 @@ def opened(
             major, minor = (int(part) for part in np.atleast_1d(file.attrs.get("version", (0, 0)))[:2])
             if major != version[0]:
                 raise error(f"{name}: version {major}.{minor} of the format; this program reads {version[0]}.x{advice}")
+            if SEAL in file.attrs and text(file.attrs[SEAL]) != content_sha256(file):
+                raise error(
+                    f"{name}: is damaged: it does not have the checksum that it was written with; make it again"
+                )
             yield file
         except PilotgenError:
             raise

@@ -251,7 +251,7 @@ class ResultsWriter:
         self.names = tuple(names)
         self._objective_names = tuple(objective_names)
         self._text = h5py.string_dtype("utf-8")
-        self._new = NewFile(path, FILETYPE, VERSION)
+        self._new = NewFile(path, FILETYPE, VERSION, seal=False)
         self._file = self._new.file
         for key, value in attributes.items():
             self._file.attrs[key] = value

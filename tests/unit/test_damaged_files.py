@@ -202,3 +202,21 @@ def test_a_heartbeat_or_mark_that_is_none_is_no_fault_of_ours(run: Run, tmp_path
     assert run("status", out, "--json")[0] == 0
     (out / ".pilotgen.json").write_text(text)
     refused(run("status", out), r"\.pilotgen\.json: (cannot be read|is damaged|not the mark)")
+
+
+def test_a_pilot_model_whose_numbers_were_changed_is_refused(run: Run, tmp_path: Path) -> None:
+    assert run("pilot", MAYO, "-o", tmp_path / "pilot", "--no-figures")[0] == 0
+    path = tmp_path / "pilot" / "pilot_model.h5"
+    sound = path.read_bytes()
+    with h5py.File(path) as file:
+        poles = file["poles"][()].tobytes()
+    place = sound.index(poles[:8])
+    path.write_bytes(sound[: place + 6] + bytes([sound[place + 6] ^ 1]) + sound[place + 7 :])
+    export = ("export", tmp_path / "pilot", "-o", tmp_path / "out.json")
+    refused(run(*export), "is damaged: it does not have the checksum")
+    path.write_bytes(sound)
+    with h5py.File(path, "a") as file:
+        file.attrs["lever_length_m"] = 5.0
+    refused(run(*export), "is damaged: it does not have the checksum")
+    path.write_bytes(sound)
+    assert run(*export)[0] == 0
