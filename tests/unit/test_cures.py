@@ -154,9 +154,9 @@ def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
     }
     tall = {"age_years": 25.0, "bmi": 30.0, "stature_m": 2.0}
     pilot = pg.evaluate(STUDY, {**tall, **changes(STUDY, amounts, 3.65)})
-    omega = np.geomspace(0.1, 300.0, 60_000)  # rad/s, an independent look
+    omega = np.geomspace(0.5, 200.0, 6_000)  # rad/s, an independent look
     L = pilot.open_loop()(1j * omega)
     crossed = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0.0) & (L.real[:-1] < -1e-6))
     largest = -L.real[crossed].min()
-    assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(largest), abs=1e-2)
-    assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-5)
+    assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(largest), abs=2e-2)
+    assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-4)
