@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pilotgen.figures import style
+from pilotgen.objectives import OBJECTIVES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,26 +49,26 @@ def each_alone(content: Mapping[str, Any]) -> Figure:
 
 @style.styled
 def cure_map(content: Mapping[str, Any]) -> Figure:
-    """Gain and phase margin of the worst pilot over two cures, with the lines of the limits."""
+    """Gain and phase margin of the worst pilot over two cures, with the lines of the limits.
+
+    Where no loop reaches |L| = 1 there is no phase margin, and the modulus margin takes its place.
+    """
     import matplotlib.pyplot as plt
 
     found = content["maps"][0]
     x, y = (np.array(found[side]["amounts"]) for side in ("x", "y"))
+    phases = np.array(found["margins"]["phase_margin_deg"], dtype=float)
+    shown = ("gain_margin_db", "phase_margin_deg" if np.isfinite(phases).any() else "modulus_margin")
     figure, grid = plt.subplots(1, 2, figsize=(style.PAGE_WIDTH_IN, 3.8), sharey=True, layout="constrained")
-    for axes, key, label in zip(
-        grid, ("gain_margin_db", "phase_margin_deg"), ("gain margin [dB]", "phase margin [deg]"), strict=True
-    ):
+    for axes, key in zip(grid, shown, strict=True):
         values = np.array(found["margins"][key], dtype=float)
         limit = content["limits"].get(key)
-        if np.isfinite(values).any():
-            filled = axes.contourf(x, y, values, levels=12, cmap="cividis")
-            figure.colorbar(filled, ax=axes, label=label)
-            if limit is not None and np.nanmin(values) < limit < np.nanmax(values):
-                lines = axes.contour(x, y, values, levels=[limit], colors=style.VERMILLION, linewidths=2.0)
-                axes.clabel(lines, fmt=lambda v: f"{v:g}")
-        else:
-            axes.text(0.5, 0.5, "no crossing of the unit circle anywhere", transform=axes.transAxes, ha="center")
-        axes.set_title(label.split(" [")[0])
+        filled = axes.contourf(x, y, values, levels=12, cmap="cividis")
+        figure.colorbar(filled, ax=axes, label=OBJECTIVES[key].heading)
+        if limit is not None and np.nanmin(values) < limit < np.nanmax(values):
+            lines = axes.contour(x, y, values, levels=[limit], colors=style.VERMILLION, linewidths=2.0)
+            axes.clabel(lines, fmt=lambda v: f"{v:g}")
+        axes.set_title(OBJECTIVES[key].label)
         axes.set_xlabel(f"{found['x']['label']} [{found['x']['unit']}]")
     grid[0].set_ylabel(f"{found['y']['label']} [{found['y']['unit']}]")
     return figure
