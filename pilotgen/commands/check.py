@@ -72,16 +72,23 @@ def run(args: argparse.Namespace) -> int:
 
 def told(found: Plan, study: Study) -> str:
     """A few lines for a person."""
+    from pilotgen.population.region import region_of
     from pilotgen.progress_line import counted, format_duration
 
     search = study.search
+    region = region_of(study) if found.kind == "search" else None
     how = f"{search.generations} generations of {search.population}, at most, " if found.kind == "search" else ""
     lines = [
         f"study     {study.name}: {found.kind} of {counted(len(search.variables), 'number')}",
         f"pilots    {how}{counted(found.evaluations, 'evaluation')}"
         + (f", {found.recorded} of them recorded already" if found.recorded else ""),
     ]
-    lines += [f"          {name} from {low:g} to {high:g}" for name, (low, high) in search.variables.items()]
+    if region is None:
+        lines += [f"          {name} from {low:g} to {high:g}" for name, (low, high) in search.variables.items()]
+    else:
+        lines += [f"          in the region that holds {region.text}: Mahalanobis distance up to {region.radius:.2f}"]
+        ends = zip(region.names, *region.extent, strict=True)
+        lines += [f"          {name} from {low:.4g} to {high:.4g}" for name, low, high in ends]
     lines += [
         f"solver    {found.solver}",
         f"time      about {format_duration(found.seconds)} with {counted(found.workers, 'worker')}, "

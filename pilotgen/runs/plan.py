@@ -20,6 +20,7 @@ import numpy as np
 from pilotgen.errors import FileError
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.output import STUDY_FILES, examine
+from pilotgen.population.region import region_of
 from pilotgen.runs.changes import changes, table_of_changes
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME
@@ -102,6 +103,7 @@ def plan(study: Study, options: RunOptions, directory: Path | None = None, numbe
     settings = study.search
     if number is None:
         check_algorithm(settings)
+        region_of(study)  # a region that holds nobody is told now
     print_hash = fingerprint(study, options.mbdae, options.solver)
     recorded = 0
     if directory is not None:

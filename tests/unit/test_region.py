@@ -36,6 +36,10 @@ def region(within: str, variables: str = WIDE, more: str = "") -> Region:
     return found
 
 
+WITH_MASS = MULTIBODY.replace("bmi: 24", "mass_kg: 76").replace(
+    "{age_years: [25, 65], bmi: [18, 30], stature_m: [1.55, 2.00]}",
+    "{stature_m: [1.3, 2.2], mass_kg: [35, 200], age_years: [18, 80]}\n  within: {population: ansur2-men}",
+)
 OWN = """population:
   people: own
   own:
@@ -74,6 +78,16 @@ def test_the_cube_fills_the_region_and_nothing_else() -> None:
         low, high = one.extent
         width = high - low
         assert (people >= low - 0.02 * width).all() and (people <= high + 0.02 * width).all()
+
+
+def test_mass_and_body_mass_index_are_coordinates_of_one_region() -> None:
+    cube = 2.0 * stats.qmc.Sobol(3, seed=2).random(64) - 1.0
+    mass = region_of(study_from_text(WITH_MASS, "s.yaml"))
+    assert mass is not None
+    bmi = region("{population: ansur2-men}").people(cube)  # age, bmi, stature
+    kilograms = mass.people(cube)  # stature, mass, age
+    np.testing.assert_allclose(kilograms[:, 1], bmi[:, 1] * bmi[:, 2] ** 2, rtol=1e-14)
+    np.testing.assert_array_equal(kilograms[:, [2, 0]], bmi[:, [0, 2]])
 
 
 def test_everybody_of_the_region_is_reached() -> None:
