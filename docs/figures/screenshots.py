@@ -48,6 +48,7 @@ def main(report: Path, comparison: Path) -> None:
         page.wait_for_function("document.documentElement.dataset.ready")
         page.evaluate("pilotgen.state.setHz(pilotgen.model.value('pilot_frequency_hz', pilotgen.state.pilot))")
         photograph(page, "report-views", ".views", "#nyquist")
+        page.evaluate("pilotgen.wake()")
         page.select_option("#motion", "mode")
         page.click("#play")  # stop
         page.evaluate("pilotgen.figure.at(0.8)")

@@ -41,6 +41,7 @@ def test_page_of_one_pilot_with_other_torsos(torso: str, tmp_path: Path, opened:
         assert abs(complex(re, im) - complex(crossing["real"], crossing["imag"])) < 1e-6
     page.keyboard.press("ArrowRight")
     assert page.inner_text("#who") == "nominal pilot"
+    page.evaluate("pilotgen.wake()")
     page.locator(".pilot").screenshot(path=PICTURES / f"pilot-{torso}.png")
 
 
@@ -53,6 +54,7 @@ def test_roll_has_tilts_and_both_arms(tmp_path: Path, opened: Any) -> None:
     text = page.inner_text("body")
     assert "roll acceleration → lateral cyclic grip" in text and "Mayo" not in page.inner_text(".legend >> nth=0")
     assert page.evaluate("pilotgen.model.data.skeletons.structure.muscles.length") == 50
+    page.evaluate("pilotgen.wake()")
     assert page.locator("#motion option").count() == 2  # standing still, dominant mode
 
 

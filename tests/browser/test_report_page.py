@@ -78,6 +78,7 @@ def test_curves_are_those_of_the_loop(made: Made, opened: Any) -> None:
 
 def test_choosing_a_pilot_moves_every_view(made: Made, opened: Any) -> None:
     page = opened(made.address)
+    page.evaluate("pilotgen.wake()")
     order = worst_order(made.results).tolist()
     assert page.evaluate("pilotgen.state.pilot") == order[0] and page.inner_text("#who") == "worst pilot"
     before = {name: painted(page, name) for name in CANVASES}
@@ -130,6 +131,7 @@ def test_hover_on_the_nyquist_curve_lights_the_same_frequency_everywhere(made: M
 
 def test_the_pilot_in_3d_stands_where_the_deck_has_him(made: Made, opened: Any) -> None:
     page = opened(made.address)
+    page.evaluate("pilotgen.wake()")
     assert colours(page, "#figure canvas") > 200  # not blank
     worst = int(worst_order(made.results)[0])
     values = dict(zip(made.results.names, made.results.columns["inputs"][worst].tolist(), strict=True))
@@ -158,6 +160,7 @@ def test_the_pilot_in_3d_stands_where_the_deck_has_him(made: Made, opened: Any) 
 
 def test_modes_and_responses_move_him(made: Made, opened: Any) -> None:
     page = opened(made.address)
+    page.evaluate("pilotgen.wake()")
     still = page.evaluate("pilotgen.figure.place('lever_grip')")
     page.select_option("#motion", "mode")
     page.click("#play")  # stop where he is
@@ -165,6 +168,7 @@ def test_modes_and_responses_move_him(made: Made, opened: Any) -> None:
     swung = page.evaluate("pilotgen.figure.place('lever_grip')")
     assert math.dist(still, swung) == pytest.approx(30e-3, rel=0.01)  # the grip moves 30 mm: the slider's number
     page.select_option("#motion", str(1 + 5))  # 3 Hz
+    page.click("#play")
     worst = int(worst_order(made.results)[0])
     reach = []
     for phase in np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False):
@@ -252,10 +256,10 @@ def test_markup_in_names_stays_text(made: Made, opened: Any) -> None:
 @pytest.mark.parametrize("width", [1400, 800, 390])
 def test_three_widths(made: Made, opened: Any, width: int) -> None:
     page = opened(made.address, width=width)
+    page.locator("#figure").scroll_into_view_if_needed()
+    page.wait_for_selector("#figure canvas")
     page.wait_for_timeout(300)
     assert page.evaluate("document.documentElement.scrollWidth") <= width  # nothing sticks out
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=PICTURES / f"report-{width}.png", full_page=True)
     shifts = page.evaluate(
         """() => new Promise(done => {
           let sum = 0;
@@ -265,6 +269,8 @@ def test_three_widths(made: Made, opened: Any, width: int) -> None:
         })"""
     )
     assert shifts < 0.05  # nothing jumps
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / f"report-{width}.png", full_page=True)
 
 
 CONTRAST = """() => {
@@ -309,6 +315,15 @@ def test_without_scripts_it_is_the_still_page(made: Made, opened: Any) -> None:
     assert not page.locator(".live").first.is_visible()
     pictures = page.locator("figure.still img")
     assert pictures.count() == 7 and all(pictures.nth(k).is_visible() for k in range(7))
+
+
+def test_a_browser_that_cannot_do_it_gets_the_still_page(made: Made, browser: Any) -> None:
+    page = browser.new_page()
+    page.add_init_script("delete window.IntersectionObserver; delete window.ResizeObserver")
+    page.goto(made.address)
+    page.wait_for_timeout(300)
+    assert page.locator("figure.still img").first.is_visible() and not page.locator(".live").first.is_visible()
+    page.context.close()
 
 
 def test_prints_to_pages_of_a4(made: Made, opened: Any) -> None:

@@ -20,6 +20,7 @@ pilotgen.figure = (() => {
   const known = new Map();
 
   function skeleton(pilot) {
+    structure = model.data.skeletons.structure;
     if (!known.has(pilot)) {
       const packed = model.data.skeletons.each[pilot];
       const all = pilotgen.decode.floats(packed.places);
@@ -276,7 +277,6 @@ pilotgen.figure = (() => {
     nominal.wear(skeleton(both ? other : pilot));
     const beside = both && settings.nominal === "beside";
     nominal.group.position.set(0, 0, beside ? 0.95 : 0);
-    host.dispatchEvent(new CustomEvent("shown", { detail: { pilot, both } }));
     draw();
   }
 
@@ -370,7 +370,7 @@ pilotgen.figure = (() => {
   }
 
   return {
-    start, set, look3d, project, skeleton, settings,
+    start, set, look3d, project, skeleton, shownPilot, settings,
     view: () => ({ eye: camera.position.toArray(), target: controls.target.toArray(), fov_deg: camera.fov, size: [host.clientWidth, host.clientHeight] }),
     picture() { paint(); return renderer.domElement.toDataURL("image/png"); },
     get shown() { return chosen ? chosen.body.pilot : null; },

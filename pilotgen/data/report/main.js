@@ -61,14 +61,23 @@ pilotgen.start = () => {
   // ---- the pilot himself
   let solid = false;
   if (data.skeletons && by("figure")) {
-    by("figure").addEventListener("shown", ({ detail }) => {
-      const stands = state.pilot !== null && detail.pilot !== state.pilot;
-      by("figure-note").textContent = (stands ? `The skeleton of this pilot is not kept; drawn is the nearest one that is, the ${text.name(detail.pilot)}. ` : "") +
-        (detail.both ? "Grey: the nominal pilot." : "");
-      muscles(detail.pilot);
+    state.on("pilot", () => {
+      const pilot = pilotgen.figure.shownPilot();
+      by("figure-note").textContent = (pilot === state.pilot ? "" : `The skeleton of this pilot is not kept; drawn is the nearest one that is, the ${text.name(pilot)}. `) +
+        (data.nominal !== null && pilot !== data.nominal ? "Grey: the nominal pilot." : "");
+      muscles(pilot);
     });
-    solid = pilotgen.figure.start(by("figure"));
-    if (solid) figureControls();
+    pilotgen.wake = () => { // drawing in 3-D begins when somebody comes near it
+      if (solid) return;
+      solid = pilotgen.figure.start(by("figure"));
+      if (solid) figureControls();
+    };
+    const near = new IntersectionObserver((entries) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      near.disconnect();
+      pilotgen.wake();
+    }, { rootMargin: "300px" });
+    near.observe(by("figure"));
   }
 
   function figureControls() {
@@ -172,6 +181,7 @@ pilotgen.start = () => {
   state.choose(Number.isInteger(wanted) && wanted >= 0 && wanted < model.total && model.evaluated(wanted) ? wanted : first0);
 
   addEventListener("beforeprint", () => {
+    if (pilotgen.wake) pilotgen.wake();
     if (solid) by("figure-print").src = pilotgen.figure.picture();
   });
   by("stills").addEventListener("click", () => {
