@@ -20,5 +20,9 @@ class SerialWorkers:
         for index, task in enumerate(tasks):
             yield index, function(task)
 
+    def memory_bytes(self) -> int:
+        """No processes, no memory of theirs."""
+        return 0
+
     def close(self) -> None:
         """Nothing to close."""

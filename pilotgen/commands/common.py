@@ -348,6 +348,12 @@ def told_below(lacks: Sequence[str]) -> int:
     return EXIT_BELOW if lacks else 0
 
 
+def memory_text(progress: Progress) -> str:
+    """`, 93 MB for the largest`, or nothing."""
+    size = progress.worker_memory_bytes
+    return f", {size / 1e6:.0f} MB for the largest" if size else ""
+
+
 def run_summary(study_path: Path, done: Run, solver: str, worst: int = 10) -> dict[str, Any]:
     """What a search or a sample prints with --json: counts, files, its worst pilots, failures by reason."""
     from pilotgen.objectives import OBJECTIVES
@@ -381,6 +387,7 @@ def run_summary(study_path: Path, done: Run, solver: str, worst: int = 10) -> di
         "failed": progress.failed,
         "unstable": progress.unstable,
         "cpu_s": progress.cpu_s,
+        "worker_memory_bytes": progress.worker_memory_bytes,
         "worst": pilots,
         "failures": [
             {"stage": stage, "reason": reason, "count": count,

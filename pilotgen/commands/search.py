@@ -137,7 +137,7 @@ def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:
     progress = done.progress
     print(
         f"\n{progress.done} evaluations ({progress.served} from the journal), {progress.failed} failed, "
-        f"{progress.cpu_s:.1f} s of CPU time in workers"
+        f"{progress.cpu_s:.1f} s of CPU time in workers{common.memory_text(progress)}"
     )
     for stage, reason, count, example in failures_by_reason(done.results)[:5]:
         print(f"  {count} failed at {stage}, e.g. {reason}")

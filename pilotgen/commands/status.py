@@ -55,5 +55,7 @@ def told(status: Status) -> str:
         if status.rate_per_s is not None:
             left = f", at most {format_duration(status.left_s)} left" if status.left_s is not None else ""
             lines.append(f"{status.rate_per_s:.1f} evaluations per second{left}")
+        if beat.get("worker_memory_bytes"):
+            lines.append(f"largest worker, solver included: {beat['worker_memory_bytes'] / 1e6:.0f} MB")
         lines.append(f"told {format_duration(max(0.0, time.time() - beat['time']))} ago by process {beat['pid']}")
     return "\n".join(lines)

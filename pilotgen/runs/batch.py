@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import shlex
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +22,7 @@ from pilotgen.study.fields import setting_text
 
 RESULTS_NAME = "study.h5"
 
+WEIGH_EVERY_S = 3.0
 MOST_IN_A_ROW = 12  # failures that are no pilot's own; one in three, by chance, would be so in one of 500,000
 _NOT_ANSWERED = ("mbdae died", "mbdae ended", "mbdae closed", "mbdae did not answer", "protocol error", "out of memory")
 
@@ -41,6 +43,7 @@ class Progress:
     failed: int = 0  # of both
     unstable: int = 0  # closed loops, of both
     cpu_s: float = 0.0  # of this run's evaluations, solver included
+    worker_memory_bytes: int = 0  # largest that one worker and its solver had so far; 0 if nobody looked
     generation: int = 0  # of a search, from 0
     generations: int = 0
     smallest: dict[str, float] = field(default_factory=dict)  # objective -> its smallest value, as ranked
@@ -92,6 +95,7 @@ class Batch:
     on_progress: OnProgress | None = None
     progress: Progress = field(default_factory=Progress)
     _suspects: list[str] = field(default_factory=list)
+    _weighed: float = -math.inf
 
     def warm_up(self) -> None:
         """Have the workers start and warm up with the study's nominal pilot while there is nothing to ask for yet.
@@ -126,6 +130,7 @@ class Batch:
             answers[key] = result
             self.progress.evaluated += 1
             self.progress.cpu_s += cpu_s
+            self._weigh()
             self._count(result)
         return [answers[key] for key in keys]
 
@@ -142,6 +147,14 @@ class Batch:
                 f"{result['stage']}: {result['reason']}; these are not recorded: look for a solver that is broken, or "
                 "a limit of memory or time, and go on with --resume"
             )
+
+    def _weigh(self) -> None:
+        """Look at the workers' memory, every few seconds."""
+        now = time.monotonic()
+        if now - self._weighed >= WEIGH_EVERY_S:
+            self._weighed = now
+            progress = self.progress
+            progress.worker_memory_bytes = max(progress.worker_memory_bytes, self.workers.memory_bytes())
 
     def _count(self, result: Mapping[str, Any]) -> None:
         progress = self.progress

@@ -123,6 +123,10 @@ class DaskWorkers:
         threads = sum(int(worker["nthreads"]) for worker in workers)
         return IN_FLIGHT_PER_WORKER * max(1, threads)
 
+    def memory_bytes(self) -> int:
+        """Nobody looks: workers may be on other machines."""
+        return 0
+
     def close(self) -> None:
         """Leave the cluster; stop it if it is ours."""
         self._client.close()

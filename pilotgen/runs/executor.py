@@ -16,6 +16,7 @@ import multiprocessing
 import multiprocessing.util
 import os
 import pickle
+import re
 import select
 import signal
 import time
@@ -138,6 +139,9 @@ class Workers(Protocol):
     def run(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         """Yield (index of the task, result or WorkerLost) as they finish."""
 
+    def memory_bytes(self) -> int:
+        """Largest memory that one worker and its solver had so far; 0 if unknown."""
+
     def close(self) -> None:
         """End all workers."""
 
@@ -211,6 +215,10 @@ class ProcessWorkers:
         except BaseException:  # interrupted, or nobody wants the rest: what is in the works is not waited for
             self._stop()
             raise
+
+    def memory_bytes(self) -> int:
+        """Largest memory that one worker and its solver had so far."""
+        return max((_peak_with_children(worker.process.pid) for worker in self._workers), default=0)
 
     def close(self) -> None:
         """Have the processes end when they have done what they have; they are waited for."""
@@ -307,6 +315,21 @@ class ProcessWorkers:
             _end(worker.process)
         self._workers.clear()
         self._poll = select.poll()
+
+
+def _peak_with_children(pid: int | None) -> int:
+    """Largest resident memory of a process and its children so far [bytes]; 0 of one that is gone."""
+    total = 0
+    try:
+        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as file:
+            family = [pid, *map(int, file.read().split())]
+        for one in family:
+            with open(f"/proc/{one}/status", encoding="utf-8", errors="replace") as file:
+                found = re.search(r"VmHWM:\s*(\d+) kB", file.read())
+                total += int(found[1]) * 1024 if found else 0
+    except (OSError, ValueError):
+        return total
+    return total
 
 
 def is_stopped(pid: int | None) -> bool:

@@ -191,13 +191,16 @@ def read_status(directory: Path) -> Status:
     return Status(kind, state, ok + failed, failed, stages, beat if _is_sound(beat) else None)
 
 
-_IN_A_BEAT = ("time", "pid", "seconds", "done", "total", "evaluated", "generation", "generations")
+_IN_A_BEAT = ("time", "pid", "seconds", "done", "total", "evaluated", "generation", "generations",
+              "worker_memory_bytes")  # fmt: skip
 
 
 def _is_sound(beat: Any) -> bool:
     """Whether a heartbeat is one: somebody may have written to the file."""
     return isinstance(beat, dict) and all(
-        isinstance(beat.get(name), int | float) and 0 <= beat[name] < 1e15 for name in _IN_A_BEAT
+        isinstance(beat.get(name, 0 if name == "worker_memory_bytes" else None), int | float)
+        and 0 <= beat.get(name, 0) < 1e15
+        for name in _IN_A_BEAT
     )
 
 

@@ -233,3 +233,13 @@ def test_a_task_that_stops_every_worker_is_lost_in_words() -> None:
         assert "stopped or stuck 3 times" in lost.reason and "time limit of 0.2 s" in lost.reason
     finally:
         workers.close()
+
+
+def test_the_largest_workers_memory_is_told() -> None:
+    workers = ProcessWorkers(2)
+    try:
+        list(workers.run(square, [1, 2, 3, 4]))
+        assert 5e6 < workers.memory_bytes() < 2e9
+    finally:
+        workers.close()
+    assert workers.memory_bytes() == 0
