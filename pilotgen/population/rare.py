@@ -85,6 +85,10 @@ class RareShare:
         Scores drawn for the estimate, levels aside; people evaluated, levels included.
     hits : int
         People of the estimate who have the event.
+    missed : float
+        The largest share that could have gone unseen, with 95 %, if nobody with the event was found.
+    closest : float
+        How far the one nearest to the event is from it, of all who were evaluated; infinite for nobody.
     levels : list of dict
         `sex`, `people` and `distance` (from the event, of the fifth nearest to it) of each level.
     nearest : list of dict
@@ -98,6 +102,8 @@ class RareShare:
     drawn: int = 0
     evaluated: int = 0
     hits: int = 0
+    missed: float = 0.0
+    closest: float = math.inf
     levels: list[dict[str, Any]] = field(default_factory=list)
     nearest: list[dict[str, Any]] = field(default_factory=list)
 
@@ -110,7 +116,7 @@ class RareShare:
     def interval(self) -> tuple[float, float]:
         """95 %: log-normal, for shares are positive and their errors relative; of no hit, up to what may be missed."""
         if not self.hits:
-            return 0.0, min(1.0, 3.0 * WIDE**3 / WIDE_SHARE / max(self.drawn, 1))  # 3: none of n, with 95 %
+            return 0.0, min(1.0, self.missed)
         reach = math.exp(Z_95 * self.error / self.having)
         return self.share / reach, min(1.0, self.share * reach)
 
@@ -153,12 +159,15 @@ def _of_stratum(
 ) -> tuple[float, float, float, float]:
     """Share of this sex with the event, its error, share that cannot be evaluated, its error."""
     proposal = Proposal(np.zeros((1, 3)))
+    drawn: list[tuple[int, Proposal]] = []
     left, size = number, max(FEWEST // 5, int(LEVEL_SHARE * number))
     for level in range(LEVELS):
         if left - size < KEPT * number:
             break
         scores, people = _people(stratum, proposal, size, [*seed, level])
         away = evaluate(people)
+        drawn.append((size, proposal))
+        found.closest = min([found.closest, *away[np.isfinite(away)].tolist()])
         left -= len(people)
         found.evaluated += len(people)
         ok = np.isfinite(away)
@@ -178,6 +187,8 @@ def _of_stratum(
     away[held] = evaluate(people)
     found.evaluated += len(people)
     found.drawn += len(scores)
+    found.closest = min([found.closest, *away[np.isfinite(away)].tolist()])
+    found.missed += stratum.share * _unseen([*drawn, (left, proposal)], seed)
     weight = proposal.weight(scores) / _share_inside(stratum, seed)
     having, failed = away < 0.0, np.isnan(away)
     found.hits += int(having.sum())
@@ -217,6 +228,19 @@ def _share_inside(stratum: Stratum, seed: list[int]) -> float:
     for _ in range(INSIDE_DRAWS // chunk):
         count += int(inside(stratum.joint.table(rng.standard_normal((chunk, 3))), *stratum.limits).sum())
     return count / INSIDE_DRAWS
+
+
+def _unseen(drawn: Sequence[tuple[int, Proposal]], seed: list[int]) -> float:
+    """The largest share of people none of whom is among those drawn, with 95 %.
+
+    An event of share p is hit by draw l with a probability of p times the least density drawn over that of people, so
+    that none of all is hit with exp(-p least(sum of these)) at most; e^-3 is 5 %.
+    """
+    scores = 1.5 * np.random.default_rng([*seed, LEVELS + 2]).standard_normal((5000, 3))
+    draws = np.zeros(len(scores))
+    for number, proposal in drawn:
+        draws += number / proposal.weight(scores)
+    return 3.0 / max(float(draws.min()), 3.0)
 
 
 def _mean(terms: np.ndarray) -> tuple[float, float]:

@@ -120,6 +120,7 @@ def _as_dict(found: RareShare, event: str, limit: float) -> dict[str, Any]:
         "low": low,
         "high": high,
         "people_with_it": found.hits,
+        "smallest": found.closest + limit if np.isfinite(found.closest) else None,
         "equal_people": found.equal_people,
         "failed": found.failed,
         "failed_standard_error": found.failed_error,
@@ -145,7 +146,12 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     )
     low, high = percent(content["low"]), percent(content["high"])
     if not content["people_with_it"]:
-        told = [f"Nobody was found among {who} who would {what}: less than {high} % of them, with 95 % certainty."]
+        row = MODULUS_MARGIN if event == UNSTABLE else OBJECTIVES[event]
+        told = [
+            f"Nobody was found among {who} who would {what}: less than {high} % of them, with 95 % certainty.",
+            f"The smallest {row.label} of {content['evaluated']} people, drawn where it is small, is "
+            f"{row.text(content['smallest'])}.",
+        ]
     else:
         told = [f"{percent(content['share'])} % of {who} ({low}-{high} %), {one_in(content['share'])}, {what}."]
         told.append(

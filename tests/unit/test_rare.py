@@ -108,7 +108,12 @@ def test_limits_failures_and_two_sexes() -> None:
 
 def test_nobody_has_it() -> None:
     found = rare_share([Stratum(1.0, JOINT, (WIDE,))], asked(lambda u: np.full(len(u), 1.0)), 500, 1)
-    assert found.hits == 0 and found.share == 0.0 and found.interval[0] == 0.0 < found.interval[1] < 1.0
+    assert found.hits == 0 and found.share == 0.0 and found.interval[0] == 0.0 < found.interval[1] < 0.06
+    assert found.closest == 1.0
+    # a sphere about the middle of 3 %: a run that misses it says that so much may be missed
+    inner = math.sqrt(stats.chi2.ppf(0.03, 3))
+    one = rare_share([Stratum(1.0, JOINT, (WIDE,))], asked(lambda u: np.linalg.norm(u, axis=1) - inner), 500, 1)
+    assert one.interval[0] <= 0.03 <= one.interval[1]
 
 
 def run(*arguments: object) -> int:
