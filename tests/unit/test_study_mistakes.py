@@ -155,7 +155,7 @@ MISTAKES = [
         "nominal: mesomorphic\nn: {",
         "s.yaml:10: nominal = 'mesomorphic' is no multibody pilot; give {age_years, stature_m, and mass_kg or bmi}, "
         "or pilot.model: mayo, which knows pilots by that name\n"
-        "s.yaml:11: n: key 'n' is not known here; known keys: study, rotorcraft, inceptor, pilot, "
+        "s.yaml:11: n: key 'n' is not known here; known keys: study, rotorcraft, loop, inceptor, pilot, "
         "cockpit, nominal, search, population, sensitivity, uncertain, limits",
     ),
     (
