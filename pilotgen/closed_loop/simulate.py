@@ -478,7 +478,7 @@ def report_text(content: dict[str, Any]) -> str:
         lines.append(
             f"fit        {found['growth_rad_s']:+.3f} 1/s at {found['frequency_hz']:.3f} Hz; nearest pole "
             f"{found['nearest_pole'][0]:+.3f} 1/s at {found['nearest_pole'][1] / (2.0 * math.pi):.3f} Hz "
-            f"({100.0 * found['relative_difference']:.2g} % away)"
+            f"({100.0 * found['relative_difference']:.3g} % away)"
         )
     if "onset" in content:
         onset_found = content["onset"]

@@ -266,7 +266,7 @@ def out_of_range(one: Distribution, number: Any, base: float) -> str:
         return ""
     outside = share_outside(one, *drawable(one, number, base))
     if outside > RARE:
-        return f"lies outside {allowed} with a probability of {100 * outside:.2g} %; add within: [lowest, highest]"
+        return f"lies outside {allowed} with a probability of {100 * outside:.3g} %; add within: [lowest, highest]"
     return ""
 
 
