@@ -210,6 +210,8 @@ def opened(
     try:
         file = open_to_read(name)
     except OSError as problem:
+        if problem.errno == errno.ENOENT or not os.path.exists(name):
+            raise FileError(f"{name}: cannot be read as HDF5: there is no such file") from None
         raise FileError(f"{name}: cannot be read as HDF5 ({problem})") from None
     with file:
         try:
