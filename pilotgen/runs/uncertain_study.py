@@ -30,7 +30,7 @@ from pilotgen.study.study import Study
 from pilotgen.study.uncertain_section import merged
 from pilotgen.uncertain.bands import bands, responses
 from pilotgen.uncertain.draws import Draws
-from pilotgen.uncertain.spread import sentences, spread_of
+from pilotgen.uncertain.spread import answer, sentences, spread_of
 
 RESULT_NAME, DRAWS_NAME = "uncertain.json", "uncertain.csv"
 FILES = (RESULT_NAME, DRAWS_NAME)  # in its directory
@@ -134,6 +134,7 @@ def uncertain_study(
     content: dict[str, Any] = {
         "sentence": "",
         "sentences": [],
+        "answer": "",
         "filetype": FILETYPE,
         "version": VERSION,
         "study_name": study.name,
@@ -147,7 +148,7 @@ def uncertain_study(
         "solver_version": solver_version(options.mbdae) if study.pilot.model == "multibody" else "none",
         "study_text": study.text,
     }
-    content["sentences"] = sentences(content)
+    content["sentences"], content["answer"] = sentences(content), answer(content)
     content["sentence"] = content["sentences"][0]
     write_text(directory / DRAWS_NAME, _table(draws, values, results))
     write_text(directory / RESULT_NAME, to_json(content))

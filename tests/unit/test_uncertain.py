@@ -177,6 +177,7 @@ def test_margins_over_an_uncertain_gearing_are_known(run: Run, tmp_path: Path) -
     assert content["sentence"] in out and content["sentence"].startswith("9 of 10 such pilots have a gain margin of")
     result = json.loads((tmp_path / "a" / "result.json").read_text())
     assert result["uncertain"]["sentence"] == content["sentence"] and "bands" not in result["uncertain"]
+    assert content["answer"].startswith("gain margin ") and content["answer"].endswith(" dB for 9 of 10")
     pngs = {path.name for path in (tmp_path / "a").glob("band-*.png")}
     assert pngs == {"band-bdft.png", "band-margins.png", "band-nyquist.png"}
 
