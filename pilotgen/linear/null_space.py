@@ -28,6 +28,7 @@ class RangeSolver:
     size: int
 
     def solve(self, b: Numbers) -> Numbers:
+        """A solution of G^T x = b; `b` has shape (unknowns,) or (unknowns, m), x (constraints,) or (constraints, m)."""
         rank = len(self.R)
         x = np.zeros((self.size, *b.shape[1:]), dtype=b.dtype)
         if rank:
@@ -35,7 +36,10 @@ class RangeSolver:
         return x
 
     def solve_transposed(self, b: Floats) -> Floats:
-        """The smallest y with G y = b on a largest set of independent rows, which is all of b if it is in the range."""
+        """The smallest y with G y = b on a largest set of independent rows, which is all of b if it is in the range.
+
+        `b` has shape (constraints, ...), y (unknowns, ...).
+        """
         if not len(self.R):
             return np.zeros((len(self.Q), *b.shape[1:]))
         y: Floats = self.Q @ lapack.dtrtrs(self.R, b[self.pivots[: len(self.R)]], trans=1)[0]
@@ -43,7 +47,10 @@ class RangeSolver:
 
 
 def null_space(G: Floats) -> tuple[Floats, RangeSolver]:
-    """Return an orthonormal basis of {x : G x = 0} and a solver with G^T, by QR with column pivoting."""
+    """Return an orthonormal basis of {x : G x = 0} and a solver with G^T, by QR with column pivoting.
+
+    `G` has shape (constraints, unknowns), the basis (unknowns, unknowns - rank).
+    """
     n_rows, n = G.shape
     if n_rows == 0:
         return np.eye(n), RangeSolver(np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0, dtype=np.intp), 0)
@@ -69,14 +76,17 @@ def _solve_triangular(R: Floats, b: Numbers) -> Numbers:
 
 
 def condition(A: Floats) -> float:
-    """Return the condition number of a square matrix in the 2-norm."""
+    """Return the condition number of a square matrix, shape (n, n), in the 2-norm."""
     singular_values = lapack.dgesdd(A, compute_uv=0)[1]
     smallest = float(singular_values[-1])
     return float(singular_values[0]) / smallest if smallest > 0.0 else np.inf
 
 
 def inverse_if_sound(A: Floats, most_condition: float) -> Floats | None:
-    """Return the inverse of a square matrix, or None where its condition number is not below `most_condition`."""
+    """Return the inverse of a square matrix, or None where its condition number is not below `most_condition`.
+
+    `A` and the inverse have shape (n, n).
+    """
     lu, pivots, singular = lapack.dgetrf(A)
     if singular:
         return None

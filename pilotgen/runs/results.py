@@ -390,8 +390,7 @@ def read_results(path: Path) -> StudyResults:
             columns[key] = dataset.asstr()[:] if h5py.check_string_dtype(dataset.dtype) else dataset[:]
             hashes[key] = _ColumnHash()
             hashes[key].update(np.atleast_1d(columns[key]))
-        if int(file.attrs["version"][1]) >= 2 and text(file.attrs[CHECKSUM]) != _checksum(file, hashes):
-            raise ValueError("it does not have its checksum")
+        _check_sum(file, hashes)
         population = file.get("population")
         results = StudyResults(
             attributes,
@@ -405,6 +404,12 @@ def read_results(path: Path) -> StudyResults:
         )
         _check_whole(results)
         return results
+
+
+def _check_sum(file: h5py.File, hashes: Mapping[str, _ColumnHash]) -> None:
+    """Raise ValueError, of which `opened` makes a FileError, if a file that has a checksum does not have its own."""
+    if int(file.attrs["version"][1]) >= 2 and text(file.attrs[CHECKSUM]) != _checksum(file, hashes):
+        raise ValueError("it does not have its checksum")
 
 
 def _check_whole(results: StudyResults) -> None:
