@@ -211,7 +211,7 @@ def opened(
         file = open_to_read(name)
     except OSError as problem:
         if problem.errno == errno.ENOENT or not os.path.exists(name):
-            raise FileError(f"{name}: cannot be read as HDF5: there is no such file") from None
+            raise FileError(f"{name}: cannot be read as HDF5 (No such file or directory)") from None
         raise FileError(f"{name}: cannot be read as HDF5 ({problem})") from None
     with file:
         try:
