@@ -34,6 +34,14 @@ search:
 """
 
 
+@pytest.fixture(scope="session", autouse=True)
+def coarse_figures() -> Iterator[None]:
+    """Still figures of few dots, which draw faster."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pilotgen.figures.style.DPI", 60)
+        yield
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Chromium; graphics by its own software renderer."""
@@ -71,13 +79,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     rotorcraft = dataclasses.replace(study.rotorcraft, name="<i>Puma</i><script>alert(2)</script>")
     study = dataclasses.replace(study, name="<b>quick</b> & small", rotorcraft=rotorcraft)
     results = write_study(directory, study, failed=(3, 12))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pilotgen.figures.style.DPI", 60)
-        table = {"heads": ["<b>head</b>"], "rows": [["<i>cell</i>"]]}
-        told = Section(
-            "population", "<i>people</i>", "<b>people</b>.csv", ("<script>alert(3)</script> fly.",), "<i>1 %</i>", table
-        )
-        write_report(directory, study, others=[told])
+    table = {"heads": ["<b>head</b>"], "rows": [["<i>cell</i>"]]}
+    told = Section(
+        "population", "<i>people</i>", "<b>people</b>.csv", ("<script>alert(3)</script> fly.",), "<i>1 %</i>", table
+    )
+    write_report(directory, study, others=[told])
     return Made(study, results, directory)
 
 
