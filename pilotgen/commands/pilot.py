@@ -6,6 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,6 +24,7 @@ from pilotgen.study.schema import SCHEMA
 if TYPE_CHECKING:
     from pilotgen.evaluation import Evaluation, EvaluationContext
     from pilotgen.runs.batch import Progress
+    from pilotgen.study.study import Study
 
 WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png", "uncertain.json",
           "uncertain.csv", "band-*.png", "study.yaml", "pilot.html")  # fmt: skip
@@ -91,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         drawn: dict[str, Any] = {}
         if args.uncertain and isinstance(outcome, Evaluation):
             drawn = _draw(args, context, outcome, directory)
-        content = write_result(context, outcome, directory, _in_result(drawn))
+        content = write_result(context, outcome, directory, {**_in_result(drawn), **_how_rare(study, outcome.result)})
         if args.json:
             sys.stdout.write(to_json(content))
         if not isinstance(outcome, Evaluation):
@@ -139,6 +141,16 @@ def _draw(args: argparse.Namespace, context: EvaluationContext, nominal: Evaluat
         return uncertain_study(context, nominal, directory, number, options, show).content
     finally:
         line.finish()
+
+
+def _how_rare(study: Study, result: Mapping[str, Any]) -> dict[str, Any]:
+    """How rare the pilot is in the population that the study's search stays in; nothing without one."""
+    if study.search.within is None or "biometrics" not in result:
+        return {}
+    from pilotgen.population.region import rarity, region_of
+
+    region = region_of(study)
+    return {} if region is None else {"how_rare": rarity(region, result["biometrics"])}
 
 
 def _in_result(drawn: Mapping[str, Any]) -> dict[str, Any]:
@@ -213,6 +225,12 @@ def summary(result: Mapping[str, Any]) -> str:
     )
     state = "stable" if loop["stable"] else "UNSTABLE"
     lines.append(f"loop       {ends.words}: {state}; {margins_text(result, OBJECTIVES.values())}")
+    if "how_rare" in result:
+        from pilotgen.population.region import rarity_text
+
+        rare = result["how_rare"]
+        away = rare["mahalanobis_distance"]
+        lines.append(f"how rare   {rarity_text(rare['population'], math.inf if away is None else away)}")
     if "uncertain" in result:
         lines.extend(spread_lines(result["uncertain"]))
     lines.extend(f"caveat     {sentence}" for sentence in result.get("caveats", []))

@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, gammaincc, ndtr
@@ -154,10 +155,25 @@ def one_in(share: float) -> str:
 
 def rarity_text(who: str, distance: float) -> str:
     """How rare a person is, as a sentence."""
+    if not np.isfinite(distance):
+        return f"nobody of the {who} is so old or so young"
     return (
         f"{one_in(beyond(distance))} {who} is at least as unusual in age, stature and mass together (Mahalanobis "
         f"distance {distance:.2f}), {one_in(that_way(distance))} lies farther out in the same direction"
     )
+
+
+def rarity(region: Region, values: Mapping[str, float]) -> dict[str, Any]:
+    """How rare a person is, of age_years, stature_m, mass_kg and bmi: for JSON; null for whoever is of no distance."""
+    with np.errstate(invalid="ignore"):
+        distance = float(region.distance(np.array([[values[name] for name in region.names]]))[0])
+    away = distance if np.isfinite(distance) else None
+    return {
+        "population": region.who,
+        "mahalanobis_distance": away,
+        "share_beyond": 0.0 if away is None else beyond(away),
+        "share_that_way": 0.0 if away is None else that_way(away),
+    }
 
 
 def region_of(study: Study) -> Region | None:

@@ -142,6 +142,17 @@ def test_the_command_is_the_same_with_two_workers_and_says_how_rare(
     assert (tmp_path / "1" / "study.h5").read_bytes() == (tmp_path / "2" / "study.h5").read_bytes()
     table = open_results(tmp_path / "1").table()
     assert (table["mahalanobis_distance"] <= 3.3683).all()
+    found = open_results(tmp_path / "1").worst(1)[0]
+    his = [f"{name}={float(found[name])!r}" for name in ("age_years", "mass_kg", "stature_m")]
+        f"{name}={found[name]!r}".replace("np.float64(", "").rstrip(")")
+        for name in ("age_years", "mass_kg", "stature_m")
+    ]
+    one = ["pilot", str(study), "-o", str(tmp_path / "one"), "--no-figures", "--overwrite", "--set"]
+    assert main([*one, *his]) == 0
+    assert "how rare   1 in " in capsys.readouterr().out
+    told = json.loads((tmp_path / "one" / "result.json").read_text())["how_rare"]
+    assert told["mahalanobis_distance"] == pytest.approx(found["mahalanobis_distance"], rel=1e-9)
+    assert main([*one, "age_years=65"]) == 0 and "nobody of the men" in capsys.readouterr().out
     page = (tmp_path / "1" / "report.html").read_text()
     assert "How rare the worst pilot is" in page and "region that holds 99 % of men" in page
     text = text.replace("probability: 0.99", "probability: 0.95")
