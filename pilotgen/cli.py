@@ -38,6 +38,7 @@ COMMANDS = (
     "margins",
     "loop",
     "simulate",
+    "limit-cycles",
     "loops",
     "rotorcraft",
     "torso",

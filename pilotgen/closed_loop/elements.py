@@ -39,12 +39,12 @@ def friction_force(friction: Friction, velocity: Floats, period_s: float) -> Flo
         [N].
     """
     n = len(velocity)
+    if friction.model == "coulomb":  # its sign is averaged over a sample, or turns would jump from one to the next
+        change = 0.25 * np.abs(np.roll(velocity, -1) - np.roll(velocity, 1))
+        sign = np.clip(velocity / np.maximum(change, 1e-300), -1.0, 1.0)
+        return np.asarray(sign * _level(friction, velocity) + friction.viscous_n_s_per_m * velocity)
     at = np.arange(n * REFINED) / (n * REFINED) * n
     v = np.interp(at, np.arange(n + 1), np.append(velocity, velocity[0]))
-    level = _level(friction, v)
-    if friction.model == "coulomb":
-        force = np.sign(v) * level + friction.viscous_n_s_per_m * v
-        return np.asarray(force[::REFINED])
     h = period_s / len(v)
     k, c = friction.bristle_n_per_m, friction.bristle_n_s_per_m
     z, forces = 0.0, np.zeros(len(v))

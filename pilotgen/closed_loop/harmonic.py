@@ -172,6 +172,9 @@ class HarmonicBalance:
         Of the lever.
     harmonics : int
         K; 1 is the describing function.
+    geometry : complex, optional
+        What the arm's geometry adds to the first harmonic of the force at the grip, c m A for a travel of amplitude A
+        and mean m [N/m^2]; from `geometry.measured`.
     """
 
     def __init__(
@@ -181,8 +184,10 @@ class HarmonicBalance:
         friction: Friction | None = None,
         stops: GripStops | None = None,
         harmonics: int = 1,
+        geometry: complex | None = None,
     ) -> None:
         self.linear, self.muscles, self.friction, self.stops, self.K = linear, muscles, friction, stops, harmonics
+        self.geometry = geometry
         n = SAMPLES if harmonics < 4 else SAMPLES * (harmonics // 2)
         phases = np.outer(np.arange(harmonics + 1), np.arange(n) / n * 2.0 * math.pi)
         self._to_time = np.exp(1j * phases)
@@ -195,6 +200,10 @@ class HarmonicBalance:
         self._near = LinearPart(lam[close], linear.left[close], linear.right[:, close], nothing)
         self._rest = LinearPart(lam[~close], linear.left[~close], linear.right[:, ~close], linear.direct)
 
+    def with_harmonics(self, harmonics: int) -> HarmonicBalance:
+        """The same with another number of harmonics."""
+        return HarmonicBalance(self.linear, self.muscles, self.friction, self.stops, harmonics, self.geometry)
+
     # forces by motions: complex harmonics (channels, K + 1)
 
     def forces(self, Y: Complexes, omega: float) -> Complexes:
@@ -206,6 +215,8 @@ class HarmonicBalance:
         )
         W[0] = self._at_the_grip(Y[0], rates[0], omega) @ self._to_harmonics.T
         W[:, 0] = W[:, 0].real
+        if self.geometry is not None:
+            W[0, 1] += self.geometry * Y[0, 0].real * Y[0, 1]
         return self._share * W
 
     def _at_the_grip(self, travel: Complexes, rate: Complexes, omega: float) -> Floats:
@@ -248,6 +259,37 @@ class HarmonicBalance:
         raise EvaluationError(
             "harmonic balance", f"no swing of {1e3 * amplitude_m:.3g} mm was found near {start.frequency_hz:.2f} Hz"
         )
+
+    def missing_force(self, amplitude_m: float, s: complex, start: Swing) -> tuple[complex, Swing]:
+        """First harmonic of a force at the grip [N] with which a swing of one amplitude has the pole `s` [rad/s].
+
+        Raises
+        ------
+        EvaluationError
+            It is not found.
+        """
+        scale = np.where(np.arange(self.K + 1) == 0, 1.0, amplitude_m / start.amplitude_m)
+        Y, q, force = start.harmonics * scale, start.modes * scale[1], 0.0 + 0.0j
+        count, near = len(Y), self._near
+        cut = count * (2 * self.K + 1)
+        for step in range(MOST_STEPS):
+            F, jacobian = self._equations(Y, q, s)
+            G = self._rest.at(s)[:, 0]
+            modal = -near.left[:, 0]
+            for column, turn in ((1, 1.0 + 0j), (2, 1j)):
+                block = np.zeros((count, 2 * self.K + 1))
+                block[:, 1], block[:, 2] = (-G * turn).real, (-G * turn).imag
+                jacobian[:, column] = np.concatenate((block.ravel(), (modal * turn).real, (modal * turn).imag))
+            F = F + jacobian[:, 1] * force.real + jacobian[:, 2] * force.imag
+            change = -np.linalg.solve(jacobian, F)
+            moved = complex(change[1], change[2])
+            change[1:3] = 0.0
+            Y = np.asarray(Y + _complex(np.asarray(change[:cut].reshape(count, -1), dtype=float)))
+            q = q + change[cut : cut + len(q)] + 1j * change[cut + len(q) :]
+            force += moved
+            if abs(moved) < 1e-7 * abs(force) + 1e-9:
+                return force, Swing(amplitude_m, s.real, s.imag, Y, q, step)
+        raise EvaluationError("harmonic balance", f"no swing of {1e3 * amplitude_m:.3g} mm at {s:.3g} rad/s was found")
 
     def _receptances(self, s: complex) -> list[Complexes]:
         omega = s.imag
@@ -400,8 +442,9 @@ def make_balance(
     harmonics: int = 1,
     clipped: bool = True,
     stops: bool = True,
+    geometry: complex | None = None,
 ) -> HarmonicBalance:
     """The harmonic balance of a loop whose deck (without friction) has these matrices."""
     law = MuscleLaw(muscle_data(loop.pilot), loop.gains.proportional_gain, loop.gains.derivative_gain, clipped)
     ends = grip_stops(loop) if stops else None
-    return HarmonicBalance(linear_part(loop, matrices), law, friction, ends, harmonics)
+    return HarmonicBalance(linear_part(loop, matrices), law, friction, ends, harmonics, geometry)

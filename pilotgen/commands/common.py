@@ -206,6 +206,17 @@ def seed(text: str) -> int:
     return value
 
 
+def non_negative_float(text: str) -> float:
+    """Type of an argument: a number, zero or more."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} must be a finite number, zero or more")
+    return value
+
+
 def positive_float(text: str) -> float:
     """Type of an argument: a number greater than zero."""
     try:

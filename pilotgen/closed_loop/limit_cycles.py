@@ -1,0 +1,329 @@
+"""Limit cycles of one pilot in his loop: growth by amplitude, stable and unstable cycles, Nyquist curves, onset maps.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotgen.closed_loop.deck import ClosedLoop, with_gearing
+from pilotgen.closed_loop.geometry import measured, ring_up
+from pilotgen.closed_loop.harmonic import HarmonicBalance, LimitCycle, Swing, channels, make_balance
+from pilotgen.closed_loop.poles import eigenvalues
+from pilotgen.closed_loop.threshold import Threshold
+from pilotgen.decks.vehicle import Friction
+from pilotgen.errors import EvaluationError
+from pilotgen.evaluation import EvaluationContext
+from pilotgen.solver.descriptor import Complexes, Floats
+from pilotgen.solver.matrices import Matrices
+
+AMPLITUDES = 14  # of a sweep
+SMALLEST_M = 1e-3
+BEYOND_STOPS = 1.12  # largest amplitude over the travel to the farther stop
+REFINEMENTS = 12
+SMALL_M = 2e-3  # a swing small enough for linear geometry
+NYQUIST_HZ = (1.5, 8.0, 70)
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A loop, its balance, and what the balance found.
+
+    Attributes
+    ----------
+    loop : ClosedLoop
+        The loop.
+    friction : Friction or None
+        Of its lever.
+    balance : HarmonicBalance
+        With that friction.
+    swings : list of Swing
+        By rising amplitude.
+    cycles : list of LimitCycle
+        Where growth changes its sign.
+    geometry : complex or None
+        Coefficient of `geometry.measured`; None where no motion of the deck tells it.
+    """
+
+    loop: ClosedLoop
+    friction: Friction | None
+    balance: HarmonicBalance
+    swings: list[Swing]
+    cycles: list[LimitCycle]
+    geometry: complex | None
+
+    @property
+    def onset(self) -> LimitCycle | None:
+        """The smallest unstable cycle: swings below die, swings above grow."""
+        return next((cycle for cycle in self.cycles if not cycle.stable), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What does not depend on friction: matrices of the deck, and the geometry's coefficient."""
+
+    loop: ClosedLoop
+    matrices: Matrices
+    geometry: complex | None
+
+
+def prepare(context: EvaluationContext, loop: ClosedLoop, harmonics: int = 3, geometry: bool = True) -> Prepared:
+    """Linearise a loop's deck, and let it ring up if it does.
+
+    Parameters
+    ----------
+    context, loop
+        Whose solver works; the loop.
+    harmonics : int
+        Of the balance that is compared with the deck's motion.
+    geometry : bool
+        Whether to measure what the geometry does to large swings; six motions of the deck.
+
+    Raises
+    ------
+    EvaluationError
+        There is no oscillation between 1 and 10 Hz.
+    """
+    matrices = loop.linearise(context, loop.deck(), Path(context.scratch))
+    if not geometry:
+        return Prepared(loop, matrices, None)
+    bare = make_balance(loop, matrices, None, harmonics)
+    found = ring_up(context, loop, bare.first(SMALL_M).growth_rad_s)
+    return Prepared(loop, matrices, None if found is None else measured(bare, *found))
+
+
+def balanced(
+    prepared: Prepared, friction: Friction | None, harmonics: int = 3, amplitudes: int = AMPLITUDES
+) -> Balanced:
+    """Growth by amplitude and limit cycles of a loop with some friction.
+
+    Raises
+    ------
+    EvaluationError
+        No swing could be balanced.
+    """
+    loop = prepared.loop
+    balance = make_balance(loop, prepared.matrices, friction, 1, geometry=prepared.geometry)
+    most = BEYOND_STOPS * max(abs(end) for end in loop.travel_to_stops_m())
+    swings = balance.sweep(np.geomspace(SMALLEST_M, most, amplitudes))
+    if not swings:
+        raise EvaluationError("harmonic balance", "no swing of the grip could be balanced")
+    cycles = balance.limit_cycles(swings)
+    if harmonics > 1:
+        fine = balance.with_harmonics(harmonics)
+        cycles = [refined(fine, cycle) for cycle in cycles]
+    return Balanced(loop, friction, balance, swings, cycles, prepared.geometry)
+
+
+def refined(balance: HarmonicBalance, cycle: LimitCycle) -> LimitCycle:
+    """A limit cycle of one harmonic, with those of `balance`; as it was where that does not converge."""
+    swing = cycle.swing
+    Y = np.zeros((len(swing.harmonics), balance.K + 1), dtype=complex)
+    Y[:, :2] = swing.harmonics
+    try:
+        last = balance.balance(swing.amplitude_m, dataclasses.replace(swing, harmonics=Y))
+        amplitude = swing.amplitude_m * (1.02 if (last.growth_rad_s > 0.0) == cycle.stable else 0.98)
+        for _ in range(REFINEMENTS):
+            now = balance.balance(amplitude, last)
+            if abs(now.growth_rad_s) < 1e-6:
+                return LimitCycle(now, cycle.stable)
+            slope = (now.growth_rad_s - last.growth_rad_s) / math.log(now.amplitude_m / last.amplitude_m)
+            step = max(-0.15, min(0.15, -now.growth_rad_s / slope))
+            last, amplitude = now, now.amplitude_m * math.exp(step)
+    except (EvaluationError, ZeroDivisionError):
+        pass
+    return cycle
+
+
+# ---- Nyquist curves that depend on the amplitude ---------------------------------------------------------------------
+
+
+def nyquist(found: Balanced, swing: Swing | None, frequency_hz: Floats) -> Complexes:
+    """L(j omega) of the loop with every element as stiff and damping as it is in a swing; None: the linear loop.
+
+    `frequency_hz` has shape (n,), the result too. At a limit cycle's swing the curve passes -1 at its frequency.
+    """
+    loop = found.loop
+    matrices = loop.pilot.matrices
+    assert matrices is not None
+    g_ydot = 0.5 * (matrices.J_plus + matrices.J_minus)
+    g_y = ((matrices.J_plus - matrices.J_minus) / (2.0 * matrices.c)).astype(complex)
+    if swing is not None:
+        B, C = channels(loop, matrices)
+        balance = found.balance.with_harmonics(swing.harmonics.shape[1] - 1)
+        W = balance.forces(swing.harmonics, swing.omega_rad_s)[:, 1]
+        g_y -= B @ ((W / swing.harmonics[:, 1])[:, None] * C)  # B has the sign of a motion, not of a residual
+    drive = [bytes(name).decode() for name in matrices.inputs.name].index("drive[seat_pin.position[2]]")
+    lever = matrices.dof_names.index("lever.gz")
+    corner = loop.study.pilot.washout_rad_s
+    L = np.zeros(len(frequency_hz), dtype=complex)
+    for i, omega in enumerate((2.0 * math.pi * frequency_hz).tolist()):
+        s = 1j * omega
+        y = np.linalg.solve(s * g_ydot + g_y, -matrices.inputs.g_u[:, drive].astype(complex))
+        travel = y[lever] * loop.lever_length_m / s**2 * ((s / (s + corner)) ** 2 if corner is not None else 1.0)
+        L[i] = -loop.study.inceptor.gearing_rad_per_m * travel * complex(loop.helicopter.response(omega))
+    return L
+
+
+# ---- onset over friction and gearing ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OnsetMap:
+    """The smallest swing of the grip that grows.
+
+    Attributes
+    ----------
+    frictions_n, gearings_rad_per_m : tuple of float
+        Breakout forces [N] and gearings [rad/m].
+    swing_mm : ndarray, shape (gearings, frictions)
+        [mm]; 0: every swing grows, infinite: every swing within the stops dies.
+    """
+
+    frictions_n: tuple[float, ...]
+    gearings_rad_per_m: tuple[float, ...]
+    swing_mm: Floats
+
+
+def onset_map(
+    context: EvaluationContext,
+    loop: ClosedLoop,
+    friction: Friction,
+    frictions_n: Sequence[float],
+    gearings_rad_per_m: Sequence[float],
+    tell: Callable[[int, int], None] | None = None,
+) -> OnsetMap:
+    """The smallest swing that grows, over breakout force and gearing; everything else of `friction` in proportion.
+
+    Raises
+    ------
+    EvaluationError
+        As `prepare` and `balanced`.
+    """
+    found = np.full((len(gearings_rad_per_m), len(frictions_n)), math.inf)
+    for i, gearing in enumerate(gearings_rad_per_m):
+        prepared = prepare(context, with_gearing(loop, gearing), harmonics=1)
+        bare = balanced(prepared, None, harmonics=1, amplitudes=10)
+        for j, force in enumerate(frictions_n):
+            with_friction = None if force == 0.0 else scaled(friction, force)
+            cell = bare if with_friction is None else balanced(prepared, with_friction, harmonics=1, amplitudes=14)
+            if cell.onset is not None:
+                found[i, j] = 1e3 * cell.onset.swing.amplitude_m
+            elif cell.swings[0].growth_rad_s > 0.0:
+                found[i, j] = 0.0
+            if tell is not None:
+                tell(i * len(frictions_n) + j + 1, found.size)
+    return OnsetMap(tuple(frictions_n), tuple(gearings_rad_per_m), found)
+
+
+def scaled(friction: Friction, breakout_n: float) -> Friction:
+    """The same friction with another breakout force [N]; sliding and viscous parts in proportion."""
+    share = breakout_n / friction.breakout_n
+    return dataclasses.replace(
+        friction,
+        breakout_n=breakout_n,
+        sliding_n=share * friction.sliding_n,
+        viscous_n_s_per_m=share * friction.viscous_n_s_per_m,
+    )
+
+
+# ---- told ------------------------------------------------------------------------------------------------------------
+
+
+def as_dict(found: Balanced, prepared: Prepared, threshold: Threshold | None, grid: OnsetMap | None) -> dict[str, Any]:
+    """The content of limit_cycles.json (docs/io_formats/closed_loop.md)."""
+    lam = eigenvalues(prepared.matrices)
+    swinging = lam[(lam.imag > 2.0 * math.pi) & (lam.imag < 20.0 * math.pi)]
+    worst = swinging[int(np.argmax(swinging.real))] if len(swinging) else complex(math.nan, math.nan)
+    content: dict[str, Any] = {
+        "friction": None if found.friction is None else dataclasses.asdict(found.friction),
+        "linear_pole": [float(worst.real), float(worst.imag)],
+        "geometry_n_per_m2": None if found.geometry is None else [found.geometry.real, found.geometry.imag],
+        "growth": [
+            {
+                "amplitude_mm": 1e3 * swing.amplitude_m,
+                "growth_rad_s": swing.growth_rad_s,
+                "frequency_hz": swing.frequency_hz,
+                "mean_mm": 1e3 * swing.mean_m,
+            }
+            for swing in found.swings
+        ],
+        "limit_cycles": [
+            {
+                "stable": cycle.stable,
+                "harmonics": cycle.swing.harmonics.shape[1] - 1,
+                "amplitude_mm": 1e3 * cycle.swing.amplitude_m,
+                "swing_mm": 1e3 * cycle.swing.swing_m(),
+                "frequency_hz": cycle.swing.frequency_hz,
+                "mean_mm": 1e3 * cycle.swing.mean_m,
+            }
+            for cycle in found.cycles
+        ],
+        "by_integration": None,
+        "map": None,
+    }
+    if threshold is not None:
+        content["by_integration"] = {
+            "largest_kick_that_dies_n": threshold.dies_n,
+            "smallest_kick_that_goes_on_n": threshold.goes_on_n,
+            "swing_mm": 1e3 * threshold.swing_m if math.isfinite(threshold.swing_m) else None,
+            "frequency_hz": threshold.frequency_hz if math.isfinite(threshold.frequency_hz) else None,
+        }
+    if grid is not None:
+        content["map"] = {
+            "friction_n": list(grid.frictions_n),
+            "gearing_rad_per_m": list(grid.gearings_rad_per_m),
+            "smallest_swing_that_grows_mm": [
+                [None if math.isinf(value) else value for value in row] for row in grid.swing_mm.tolist()
+            ],
+        }
+    return content
+
+
+def report_text(content: dict[str, Any]) -> str:
+    """Cycles, threshold and map, for a person."""
+    friction = content["friction"]
+    words = f"{friction['breakout_n']:g} N at the grip ({friction['model']})" if friction else "none"
+    pole = content["linear_pole"]
+    lines = [
+        f"friction   {words}",
+        f"linear     {pole[0]:+.3f} 1/s at {pole[1] / (2.0 * math.pi):.3f} Hz, without friction and clipping",
+    ]
+    for cycle in content["limit_cycles"]:
+        kind = "stable    " if cycle["stable"] else "unstable  "
+        lines.append(
+            f"{kind} limit cycle: {cycle['swing_mm']:.3g} mm of grip motion at {cycle['frequency_hz']:.3f} Hz, mean "
+            f"{cycle['mean_mm']:+.2g} mm" + ("" if cycle["stable"] else "; smaller swings die, larger ones grow")
+        )
+    if not content["limit_cycles"]:
+        rates = [row["growth_rad_s"] for row in content["growth"]]
+        grows = min(rates) > 0.0
+        lines.append(
+            "no limit cycle: every swing " + ("grows" if grows else f"dies, by {-max(rates):.2g} 1/s at least")
+        )
+    if content["by_integration"]:
+        found = content["by_integration"]
+        lines.append(
+            f"deck       kicks at the lever (0.2 s) die up to {found['largest_kick_that_dies_n']:.4g} N and go on from "
+            f"{found['smallest_kick_that_goes_on_n']:.4g} N"
+        )
+        if found["swing_mm"] is not None:
+            lines.append(
+                f"           in between it swings by {found['swing_mm']:.3g} mm at {found['frequency_hz']:.3f} Hz"
+            )
+    if content["map"]:
+        grid = content["map"]
+        lines.append("smallest swing of the grip that grows [mm]; -: every swing within the stops dies")
+        lines.append("gearing  friction [N]" + "".join(f"{force:>8g}" for force in grid["friction_n"]))
+        for gearing, row in zip(grid["gearing_rad_per_m"], grid["smallest_swing_that_grows_mm"], strict=True):
+            cells = "".join(f"{'-' if value is None else f'{value:.3g}':>8}" for value in row)
+            lines.append(f"{gearing:7.3g} rad/m        " + cells)
+    return "\n".join(lines)

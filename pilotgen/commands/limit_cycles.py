@@ -1,0 +1,131 @@
+"""`pilotgen limit-cycles`: how swings of any size grow or die, with the lever's friction.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from pilotgen.commands import common
+from pilotgen.files import to_json, write_text
+
+WRITES = ("*.mbd", "*.fem", "*.h5", "*.log", "*.out", "limit_cycles.json", "growth.png", "nyquist.png", "onset.png")
+FRICTIONS_N = (0.0, 2.0, 5.0, 10.0, 20.0, 36.0, 66.0)
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser = common.add_command(
+        commands,
+        "limit-cycles",
+        "which swings of the lever grow and which die",
+        "Balance the harmonics of one pilot's closed loop with clipped activations, the lever's stops and the study's "
+        "friction: growth and frequency by amplitude, stable and unstable limit cycles. Leaves the pilot's decks, "
+        "limit_cycles.json, growth.png and nyquist.png in DIR.",
+        "pilotgen limit-cycles docs/studies/puma-friction.yaml -o results/cycles",
+        json_help="print the content of limit_cycles.json instead of the summary",
+    )
+    common.add_study(parser)
+    common.add_output(parser)
+    common.add_settings(parser)
+    common.add_mbdae(parser)
+    parser.add_argument(
+        "--harmonics", metavar="K", type=int, choices=range(1, 10), default=3, help="of limit cycles (default: 3)"
+    )
+    parser.add_argument(
+        "--no-geometry", action="store_true", help="do not measure on the deck what the arm's geometry does (faster)"
+    )
+    parser.add_argument(
+        "--verify", action="store_true", help="find the smallest kick that goes on by integrating the deck (18 motions)"
+    )
+    parser.add_argument(
+        "--map", action="store_true", help="the smallest swing that grows over friction and gearing; onset.png"
+    )
+    parser.add_argument(
+        "--frictions",
+        metavar="N",
+        nargs="+",
+        type=common.non_negative_float,
+        default=None,
+        help="breakout forces of the map [N] (default: 0 2 5 10 20 36 66)",
+    )
+    parser.add_argument(
+        "--gearings",
+        metavar="G",
+        nargs="+",
+        type=common.positive_float,
+        default=None,
+        help="gearings of the map [rad/m] (default: 0.8 to 1.6 times the study's)",
+    )
+    parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Balance, verify, write, print."""
+    from pilotgen.errors import StudyError
+    from pilotgen.runs.executor import pin_threads
+
+    pin_threads()
+    from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
+    from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, prepare, report_text
+    from pilotgen.closed_loop.threshold import threshold
+    from pilotgen.decks.vehicle import Friction
+    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.output import claimed
+    from pilotgen.progress_line import ProgressLine
+
+    study, values = common.read_pilot(args)
+    check_study(study)
+    if not args.map and (args.frictions or args.gearings):
+        raise StudyError("--frictions and --gearings are of the map; add --map, or leave them out")
+    with (
+        EvaluationContext(study, mbdae=args.mbdae) as context,
+        claimed(args.output, "limit-cycles", WRITES, overwrite=args.overwrite) as directory,
+    ):
+        line = ProgressLine(total=0, quiet=args.quiet or args.json)
+        try:
+            loop = close_in_deck(context, values, directory)
+            friction = friction_of(loop.study)
+            line.update("growth by amplitude")
+            prepared = prepare(context, loop, args.harmonics, geometry=not args.no_geometry)
+            found = balanced(prepared, friction, args.harmonics)
+            kicked = grid = None
+            if args.verify:
+                kicked = threshold(
+                    context, loop, friction, tell=lambda done, total: line.update(f"{done}/{total} motions")
+                )
+            if args.map:
+                gearing = loop.study.inceptor.gearing_rad_per_m
+                grid = onset_map(
+                    context,
+                    loop,
+                    friction or Friction(10.0, 10.0, 0.02, 0.0, 2e-4),
+                    sorted(args.frictions or FRICTIONS_N),
+                    sorted(args.gearings or [round(gearing * k, 4) for k in (0.8, 1.0, 1.2, 1.4, 1.6)]),
+                    tell=lambda done, total: line.update(f"{done}/{total} cells of the map"),
+                )
+        finally:
+            line.finish()
+        content = {"study": study.name, "values": values, **as_dict(found, prepared, kicked, grid)}
+        write_text(directory / "limit_cycles.json", to_json(content))
+        if not args.no_figures:
+            from pilotgen.figures import limit_cycles as figures
+            from pilotgen.figures import style
+
+            bare = found if friction is None else balanced(prepared, None, 1)
+            style.save(figures.growth(found, bare), directory / "growth.png")
+            style.save(figures.nyquist(found), directory / "nyquist.png")
+            if grid is not None:
+                style.save(figures.onset(grid), directory / "onset.png")
+        if args.json:
+            sys.stdout.write(to_json(content))
+            return 0
+        print(report_text(content))
+        if args.verify and kicked is None:
+            print("deck       every kick of 0.5 to 300 N dies, or every one goes on")
+        print(f"the pilot's decks, limit_cycles.json and figures are in {directory}")
+    return 0

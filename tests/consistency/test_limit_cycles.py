@@ -1,0 +1,136 @@
+"""Limit cycles by harmonic balance against the deck integrated in time, and the elements against their laws."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pilotgen.closed_loop.deck import ClosedLoop, close_in_deck, friction_of
+from pilotgen.closed_loop.elements import MuscleLaw, friction_force
+from pilotgen.closed_loop.harmonic import linear_part, make_balance
+from pilotgen.closed_loop.limit_cycles import Prepared, balanced, nyquist, prepare, scaled
+from pilotgen.closed_loop.muscles import muscle_data
+from pilotgen.closed_loop.poles import eigenvalues
+from pilotgen.closed_loop.simulate import disturbance, simulate
+from pilotgen.closed_loop.threshold import swings, threshold
+from pilotgen.decks.vehicle import Friction
+from pilotgen.evaluation import EvaluationContext
+from pilotgen.study.study import read_study
+
+STUDIES = Path(__file__).parents[2] / "docs" / "studies"
+COULOMB = Friction(5.0, 5.0, 0.02, 0.0, 2e-4)
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[EvaluationContext]:
+    with EvaluationContext(read_study(STUDIES / "puma-bmi.yaml")) as context:
+        yield context
+
+
+@pytest.fixture(scope="module")
+def loop(context: EvaluationContext) -> ClosedLoop:
+    changes = {"stature_m": 1.95, "age_years": 25.0, "inceptor.gearing_rad_per_m": 4.0}
+    return close_in_deck(context, {**context.study.nominal, **changes})
+
+
+@pytest.fixture(scope="module")
+def prepared(context: EvaluationContext, loop: ClosedLoop) -> Prepared:
+    return prepare(context, loop)
+
+
+def first_harmonic(force: np.ndarray) -> complex:
+    n = len(force)
+    return complex(2.0 / n * np.sum(force * np.exp(-2j * math.pi * np.arange(n) / n)))
+
+
+@pytest.mark.parametrize("model", ["coulomb", "lugre"])
+def test_describing_function_of_friction(model: str) -> None:
+    """Far beyond presliding: 4 F/pi, in phase with the velocity; far within: a spring."""
+    friction = Friction(10.0, 10.0, 0.02, 0.0, 2e-4, model)
+    omega, n = 22.0, 64
+    phase = np.exp(2j * math.pi * np.arange(n) / n)
+    for amplitude in (0.02, 0.1):
+        found = first_harmonic(friction_force(friction, (1j * omega * amplitude * phase).real, 2.0 * math.pi / omega))
+        lag = 0.0 if model == "coulomb" else 1.5 * math.sqrt(2e-4 / amplitude)  # bristles turn around the ends
+        assert abs(found - 4.0 * 10.0 / math.pi * 1j) < (2e-3 + lag) * 4.0 * 10.0 / math.pi
+    if model == "lugre":
+        small = first_harmonic(friction_force(friction, (1j * omega * 2e-5 * phase).real, 2.0 * math.pi / omega))
+        expected = 2e-5 * (friction.bristle_n_per_m + 1j * omega * friction.bristle_n_s_per_m)
+        assert abs(small - expected) < 0.02 * abs(expected)
+
+
+def test_muscles_as_the_deck_has_them(context: EvaluationContext, loop: ClosedLoop) -> None:
+    """Forces along a motion of the deck, from its lengths and activations."""
+    motion = simulate(context, loop, disturbance("lever", 20.0), 0.8)
+    law = MuscleLaw(muscle_data(loop.pilot), loop.gains.proportional_gain, loop.gains.derivative_gain)
+    start = law.force(np.zeros((25, 1)), np.zeros((25, 1)))[:, 0]
+    assert np.abs(start - motion.force[0]).max() < 1e-9 * np.abs(motion.force[0]).max()
+    step = 1e-7
+    stiff, damp = law.slopes()
+    zero = np.zeros((25, 1))
+    free = MuscleLaw(law.data, law.proportional_gain, law.derivative_gain, clipped=False)
+    for slope, ends in ((stiff, (zero + step, zero)), (damp, (zero, zero + step))):
+        found = (free.force(*ends) - free.force(*(-end for end in ends)))[:, 0] / (2.0 * step)
+        assert np.abs(found - slope).max() < 1e-6 * np.abs(slope).max()
+
+
+def test_receptances_have_the_poles(prepared: Prepared, loop: ClosedLoop) -> None:
+    part = linear_part(loop, prepared.matrices)
+    for pole in eigenvalues(prepared.matrices):
+        if abs(pole) < 200.0:
+            assert np.abs(part.poles - pole).min() < 1e-6 * max(abs(pole), 1.0)
+    balance = make_balance(loop, prepared.matrices, None, clipped=False, stops=False)
+    small = balance.first(1e-5)
+    worst = max(part.poles[(part.poles.imag > 6.0) & (part.poles.imag < 60.0)], key=lambda pole: pole.real)
+    assert abs(complex(small.growth_rad_s, small.omega_rad_s) - worst) < 1e-3
+
+
+def test_limit_cycles_against_the_deck(context: EvaluationContext, prepared: Prepared, loop: ClosedLoop) -> None:
+    found = balanced(prepared, COULOMB)
+    onset = found.onset
+    assert onset is not None and onset.swing.harmonics.shape[1] == 4
+    by_deck = threshold(context, loop, COULOMB, duration_s=4.0, steps=9, between_n=(15.0, 19.0))
+    assert by_deck is not None
+    assert onset.swing.swing_m() == pytest.approx(by_deck.swing_m, rel=0.03)
+    assert onset.swing.frequency_hz == pytest.approx(by_deck.frequency_hz, rel=0.02)
+    stable = found.cycles[-1]
+    assert stable.stable
+    motion = simulate(context, loop, disturbance("lever", 60.0), 6.0, friction=COULOMB)
+    _, size, half = swings(motion, 4.5)
+    assert stable.swing.swing_m() == pytest.approx(size.mean(), rel=0.05)
+    assert stable.swing.frequency_hz == pytest.approx(0.5 / half.mean(), rel=0.03)
+
+
+def test_nyquist_curve_of_a_limit_cycle_passes_minus_one(prepared: Prepared) -> None:
+    found = balanced(prepared, COULOMB)
+    for cycle in found.cycles:
+        L = nyquist(found, cycle.swing, np.array([cycle.swing.frequency_hz]))
+        assert abs(1.0 + L[0]) < 1e-5
+    assert found.balance.friction is COULOMB
+    half, whole = (balanced(prepared, scaled(COULOMB, force), 1).onset for force in (2.5, 5.0))
+    assert half is not None and whole is not None
+    assert half.swing.amplitude_m < whole.swing.amplitude_m
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from pilotgen.cli import main
+
+    study = read_study(STUDIES / "puma-friction.yaml")
+    assert friction_of(study) == COULOMB
+    output = tmp_path / "cycles"
+    arguments = ["limit-cycles", str(STUDIES / "puma-friction.yaml"), "-o", str(output), "--no-geometry", "--quiet"]
+    assert main([*arguments, "--harmonics", "1", "--map", "--frictions", "0", "20", "--gearings", "2"]) == 0
+    content = json.loads((output / "limit_cycles.json").read_text())
+    assert content["limit_cycles"][0]["stable"] is False
+    row = content["map"]["smallest_swing_that_grows_mm"][0]
+    assert row[0] == 0.0 and (row[1] is None or row[1] > content["limit_cycles"][0]["swing_mm"])
+    for name in ("growth.png", "nyquist.png", "onset.png"):
+        assert (output / name).stat().st_size > 10_000
+    capsys.readouterr()
+    assert main([*arguments[:3], str(tmp_path / "other"), "--frictions", "3"]) == 1
+    assert "add --map" in capsys.readouterr().err
