@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import stat
 from collections.abc import Mapping
 from contextlib import suppress
@@ -62,6 +63,31 @@ def refuse_special(path: str | os.PathLike[str], error: type[PilotgenError] = Fi
     ):
         if test(mode):
             raise error(f"{os.fspath(path)} is {what}; a regular file is wanted")
+
+
+_NAMED = re.compile(r"{%-?\s*(?:include|import|from|extends)\s+[\"']([^\"']+)[\"']")
+
+
+def check_templates(directory: Path, *names: str) -> None:
+    """Make sure, before hours of work, that templates are there with all that they include.
+
+    Raises
+    ------
+    FileError
+        One is missing or cannot be read.
+    """
+    waiting, seen = list(names), set(names)
+    while waiting:
+        path = directory / waiting.pop()
+        try:
+            found = _NAMED.findall(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise FileError(
+                f"{path}: cannot be read ({why}); this installation is incomplete, install it again"
+            ) from None
+        waiting += [name for name in dict.fromkeys(found) if name not in seen]
+        seen.update(found)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -9,6 +9,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
+from pilotgen.errors import StudyError
 
 if TYPE_CHECKING:
     from pilotgen.runs.plan import Plan
@@ -49,6 +50,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.plan import plan
     from pilotgen.study.study import read_study
 
+    if args.resume and args.output is None:
+        raise StudyError("--resume is for -o DIR, which has evaluations to go on with; add that, or leave --resume out")
     study = read_study(args.study)
     common.check_solver(args, study)
     options = RunOptions(

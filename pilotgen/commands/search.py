@@ -65,6 +65,8 @@ def run(args: argparse.Namespace) -> int:
     if args.extend:
         args.resume = True
     options = common.run_options(args, study)
+    if not args.no_report:
+        check_page()
     line = ProgressLine(study.search.population * study.search.generations, quiet=args.quiet)
 
     def show(progress: Progress, milestone: bool) -> None:
@@ -98,6 +100,22 @@ def run(args: argparse.Namespace) -> int:
     if not done.any_ok:
         return 2
     return common.told_below(below_in_study(done.path, study.limits)) if args.fail_below else 0
+
+
+def check_page() -> None:
+    """Raise FileError before the search if what the report is made of is not there after it."""
+    from pilotgen.errors import FileError
+    from pilotgen.files import check_templates
+    from pilotgen.report import assets
+
+    check_templates(assets.DATA, "report.html.j2")
+    try:
+        assets.style_text()
+        assets.script_texts(solid=True)
+    except OSError as error:
+        raise FileError(
+            f"{error.filename}: cannot be read ({error.strerror}); this installation is incomplete, install it again"
+        ) from None
 
 
 def below_in_study(path: Path, limits: Mapping[str, float | None]) -> list[str]:

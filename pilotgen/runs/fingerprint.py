@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pilotgen import __version__
 from pilotgen.decks.text import template_directory
+from pilotgen.files import check_templates
 from pilotgen.solver.client import SolverClient, find_mbdae
 from pilotgen.study.study import Study
 
@@ -26,6 +27,9 @@ def solver_version(mbdae: str | None = None) -> str:
     """Name and version of the solver program."""
     with SolverClient(find_mbdae(mbdae)) as client:
         return str(client.version())
+
+
+DECK_TEMPLATES = ("posture.mbd.j2", "pilot.mbd.j2")
 
 
 def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -> str:
@@ -47,6 +51,7 @@ def fingerprint(study: Study, mbdae: str | None = None, solver: str = "mbdae") -
     for path in sorted(template_directory().glob("*.j2")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     if study.pilot.model == "multibody":
+        check_templates(template_directory(), *DECK_TEMPLATES)
         solver_version(mbdae)  # a solver that cannot run is found out now, not by every pilot
         digest.update(find_mbdae(mbdae).read_bytes())
     return digest.hexdigest()

@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -317,3 +318,23 @@ def test_schedulers_that_anybody_may_use_are_told(address: str, expected: bool) 
     from pilotgen.runs.session import is_open
 
     assert is_open(address) is expected
+
+
+def test_a_template_that_is_missing_is_found_before_the_search(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pilotgen.decks.text import template_directory
+    from pilotgen.report import assets
+
+    data = shutil.copytree(assets.DATA, tmp_path / "data")
+    (data / "report" / "base.html.j2").unlink()
+    monkeypatch.setattr(assets, "DATA", data)
+    search = ("search", MAYO, "-o", tmp_path / "out", "--workers", "1", "--quiet")
+    refused(
+        run(*search), r"base\.html\.j2: cannot be read \(No such file or directory\); this installation is incomplete"
+    )
+    decks = shutil.copytree(template_directory(), tmp_path / "decks")
+    (decks / "arm.mbd.j2").unlink()
+    monkeypatch.setattr("pilotgen.runs.fingerprint.template_directory", lambda: decks)
+    refused(run("sample", QUICK, "-n", "4", "-o", tmp_path / "out"), r"arm\.mbd\.j2: cannot be read .*install it again")
+    assert not (tmp_path / "out").exists()

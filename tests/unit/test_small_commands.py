@@ -59,6 +59,7 @@ def test_check_is_stopped_by_what_would_stop_the_run(run: Run, tmp_path: Path, m
     other = changed(tmp_path, "gearing_rad_per_m: 1.1", "gearing_rad_per_m: 1.2", MAYO)
     refused(run("check", other, "-n", "8", "-o", out, "--resume"), "inceptor.gearing_rad_per_m +1.1 +1.2")
     refused(run("check", MAYO, "-o", tmp_path / "study.yaml"), "is a file")
+    refused(run("check", MAYO, "--resume"), "--resume is for -o DIR")
     assert {path: path.stat().st_mtime_ns for path in out.iterdir() if path.name not in OWN_NAMES} == before
     out_of_reach = changed(
         tmp_path, "nominal:", "cockpit: {collective: {grip_m: [0.95, 0.255, -0.25]}}\nnominal:", QUICK
