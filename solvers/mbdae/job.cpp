@@ -22,7 +22,6 @@
 #include "mbdae/output/matrices_file.h"
 #include "mbdae/output/motion_file.h"
 #include "mbdae/output/provenance.h"
-#include "mbdae/output/sha256.h"
 
 namespace mbdae {
 

@@ -13,7 +13,6 @@
 #include "mbdae/output/matrices_file.h"
 #include "mbdae/output/motion_file.h"
 #include "mbdae/output/provenance.h"
-#include "mbdae/output/sha256.h"
 
 using namespace mbdae;
 namespace fs = std::filesystem;
@@ -141,16 +140,6 @@ TEST_CASE("sha256 of the examples of FIPS 180-4") {
   CHECK(sha256_hex("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq") ==
         "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
   CHECK(sha256_hex("") == "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
-}
-
-TEST_CASE("sha256 by the processor's instructions is libmd's") {
-  std::string text;
-  for (int i = 0; i < 200; ++i) {  // every length around the ends of one, two and three blocks
-    CHECK(sha256_hex(text) == sha256_hex_portable(text));
-    text += static_cast<char>(37 * i + 11);
-  }
-  const std::string deck(70'000, '\xa5');
-  CHECK(sha256_hex(deck) == sha256_hex_portable(deck));
 }
 
 TEST_CASE("a matrices file holds what was given, row-major") {

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/output/provenance.h"
 
+#include <sha2.h>  // libmd
+
 #include <array>
+#include <cstdint>
 
 namespace mbdae {
 
@@ -11,6 +14,12 @@ void write_header(Hdf5Group& root, const std::string& filetype, const std::array
   root.attribute("version", version);
   root.attribute("solver", provenance.solver);
   root.attribute("deck_sha256", provenance.deck_sha256);
+}
+
+std::string sha256_hex(std::string_view text) {
+  std::array<char, SHA256_DIGEST_STRING_LENGTH> hex{};
+  SHA256Data(reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), hex.data());
+  return {hex.data(), SHA256_DIGEST_STRING_LENGTH - 1};
 }
 
 }  // namespace mbdae

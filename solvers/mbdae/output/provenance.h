@@ -5,6 +5,7 @@
 
 #include <array>
 #include <string>
+#include <string_view>
 
 #include "mbdae/output/hdf5_file.h"
 
@@ -18,5 +19,8 @@ struct Provenance {
 /// Writes what every result file begins with: its type, the version of its format (major, minor), and where it is from.
 void write_header(Hdf5Group& root, const std::string& filetype, const std::array<int, 2>& version,
                   const Provenance& provenance);
+
+/// SHA-256 of `text` as 64 lower-case hexadecimal digits (FIPS 180-4).
+std::string sha256_hex(std::string_view text);
 
 }  // namespace mbdae
