@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -156,6 +157,24 @@ def test_the_pilot_in_3d_stands_where_the_deck_has_him(made: Made, opened: Any) 
             np.testing.assert_allclose(found, expected, atol=0.05)
         if look != "reset":
             assert colours(page, "#figure canvas") > 100
+
+
+def test_hover_in_3d_tells_joint_angles_and_activations(made: Made, opened: Any) -> None:
+    page = opened(made.address)
+    page.evaluate("pilotgen.wake()")
+    page.click('[data-look="side"]')
+    page.locator("#figure").scroll_into_view_if_needed()
+    told = set()
+    ends = page.evaluate("['elbow_l', 'wrist_l', 'shoulder_l'].map(name => pilotgen.figure.project(name))")
+    for first, second in ((0, 1), (0, 2)):
+        for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+            x, y = ((1 - share) * np.array(ends[first]) + share * np.array(ends[second])).tolist()
+            page.locator("#figure canvas").hover(position={"x": x, "y": y})
+            told.add(page.inner_text(".tip"))
+    joints = page.evaluate("pilotgen.model.data.skeletons.each[pilotgen.figure.shown].joints")
+    shown = f"{joints['shoulder_flexion_deg']:.1f}°".replace("-", "−")
+    assert any("humerus, left" in text and f"shoulder flexion {shown}" in text for text in told)
+    assert any(re.search(r"^\w+_l\nactivation 0\.\d{3}", text) for text in told)
 
 
 def test_modes_and_responses_move_him(made: Made, opened: Any) -> None:
@@ -329,7 +348,7 @@ def test_prints_to_pages_of_a4(made: Made, opened: Any) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     data = page.pdf(prefer_css_page_size=True, path=PICTURES / "report.pdf")
     assert data[:4] == b"%PDF"
-    sizes = set(__import__("re").findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", data))
+    sizes = set(re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", data))
     assert sizes == {(b"594.95996", b"841.91998")} or all(
         abs(float(w) - 595) < 1 and abs(float(h) - 842) < 1 for w, h in sizes
     )

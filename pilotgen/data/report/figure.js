@@ -246,6 +246,7 @@ pilotgen.figure = (() => {
     camera = new THREE.PerspectiveCamera(30, 1, 0.05, 20);
     controls = new THREE.OrbitControls(camera, renderer.domElement);
     controls.enablePan = true;
+    renderer.domElement.style.touchAction = "pan-y"; // a finger that goes up or down scrolls the page
     controls.addEventListener("change", draw);
     arrow = new THREE.ArrowHelper(UP(), new THREE.Vector3(), 0.3, 0xd55e00, 0.06, 0.04);
     scene.add(arrow);
