@@ -47,6 +47,7 @@ def add_parser(commands: Any) -> None:
         default=0,
         help="of the study's population: who misses a limit before and after",
     )
+    parser.add_argument("--no-simulation", action="store_true", help="do not kick the worst pilot in time")
     parser.add_argument("--no-figures", action="store_true", help="leave no figures")
     common.add_workers(parser)
     common.add_solver(parser)
@@ -83,6 +84,7 @@ def run(args: argparse.Namespace) -> int:
                 tuple(args.only),
                 tuple(args.without),
                 args.people,
+                not args.no_simulation,
                 options,
                 show,
                 line.before(monitor.say),
@@ -117,6 +119,7 @@ def lines(content: Mapping[str, Any]) -> list[str]:
     told += ["", f"{'pilot':18} {'before':>28}   {'after':>28}"]
     for row in content["proposal"]["pilots"]:
         told.append(f"{row['name']:18} {_margins(row['before']):>28}   {_margins(row['after']):>28}")
+    told += _kicked(content["simulation"])
     people = content["population"]
     if people is not None:
         shares = [people[when]["missing_a_limit"] for when in ("before", "after")]
@@ -125,6 +128,21 @@ def lines(content: Mapping[str, Any]) -> list[str]:
     if changes:
         told += ["", "as settings: " + " ".join(f"{path}={value:.6g}" for path, value in changes.items())]
     return told
+
+
+def _kicked(found: Mapping[str, Any] | None) -> list[str]:
+    """What the kicked lever did, before and after."""
+    if found is None:
+        return []
+    if "reason" in found:
+        return ["", f"not kicked in time: {found['reason']}"]
+    rows = []
+    for when in ("before", "after"):
+        row, fit = found[when], found[when]["fit"]
+        decay = "" if fit is None else f", {fit['frequency_hz']:.2f} Hz, growth {fit['growth_rad_s']:+.2f} per s"
+        most, last = row["largest_grip_travel_mm"], row["swing_at_the_end_mm"]
+        rows.append(f"{when}: {most:.1f} mm at most, {last:.3f} mm at the end{decay}")
+    return ["", f"the {found['pilot']} pilot's grip after a kick of {found['kick_n']:g} N: " + "; ".join(rows)]
 
 
 def _margins(told: Mapping[str, Any]) -> str:

@@ -70,7 +70,7 @@ def _inceptor_text(inceptor: PlacedInceptor) -> Part:
         unbalance=number(inceptor.unbalance_kg_m),
         fitted=inceptor.fitted,
         fittings="LEVER_FITTINGS",
-        fittings_label="104",
+        fittings_label="107",
         damping=number(inceptor.damping_n_m_s_per_rad),
         stiffness=number(inceptor.stiffness_n_m_per_rad),
     )

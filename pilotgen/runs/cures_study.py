@@ -37,6 +37,7 @@ CURVE_POINTS = 9  # amounts of a cure alone
 MAP_POINTS = 20  # along each side of a map
 ROUNDS = 6  # of proposal and worst pilots bred for it
 BREED_POPULATION, BREED_GENERATIONS = 60, 12  # at most: the study's own search may be smaller
+KICK_N, KICK_DURATION_S = 10.0, 4.0  # on the grip, in the verification
 TOLD = ("gain_margin_db", "phase_margin_deg", "modulus_margin")
 TASKS = ("position", "force", "relax")
 TELLING_DB = 0.05  # a cure that buys less is told as buying nothing
@@ -67,6 +68,7 @@ def cures_study(
     only: tuple[str, ...] = (),
     without: tuple[str, ...] = (),
     people: int = 0,
+    simulate: bool = True,
     options: RunOptions | None = None,
     on_progress: OnProgress | None = None,
     say: Say | None = None,
@@ -81,6 +83,8 @@ def cures_study(
         Keys of cures: these alone, or all but these.
     people : int
         Of the study's population, before and after; 0 for none.
+    simulate : bool
+        Kick the last worst pilot in time, with and without the cure.
 
     Raises
     ------
@@ -123,6 +127,7 @@ def cures_study(
             "caveats": caveats(study, worst.before),
             **provenance(study, KIND, batch, study.search.seed, "all points", options.mbdae),
         }
+    content["simulation"] = _simulated(study, proposal, options) if simulate else None
     content["sentence"] = sentence(content, optimum)
     write_text(directory / RESULT_NAME, to_json(content))
     write_text(directory / STUDY_NAME, _cured(study, proposal["changes"]).text)
@@ -394,6 +399,40 @@ def _before_and_after(clinic: _Clinic, people: Sequence[Mapping[str, Any]], chan
         missed = Share(sum(clinic.violation(result) > 0.0 for result in results), len(results))
         found[when] = {"evaluated": len(results), "missing_a_limit": missed.as_dict()}
     return found
+
+
+# ---- verification in time
+
+
+def _simulated(study: Study, proposal: Mapping[str, Any], options: RunOptions) -> dict[str, Any]:
+    """The worst pilot of the proposal kicked in time, in the cockpit as it is and in the cured one; or why he is not.
+
+    The nonlinear deck moves here (stops, clipped activations, friction), which shares with the margins the deck's
+    elements and nothing of linearisation, modes or Nyquist curve. Growth and frequency are fitted to the motion and
+    held against the poles of the closed deck.
+    """
+    from pilotgen.closed_loop.deck import close_in_deck
+    from pilotgen.closed_loop.simulate import check_kick, kicked
+    from pilotgen.evaluation import EvaluationContext
+
+    worst = min(proposal["pilots"], key=lambda row: _gain_told(row["before"]))
+    found: dict[str, Any] = {"pilot": worst["name"], "kick_n": KICK_N, "duration_s": KICK_DURATION_S}
+    try:
+        for when, change in (("before", {}), ("after", proposal["changes"])):
+            values = {**worst["before"]["values"], **change}
+            with EvaluationContext(study, mbdae=options.mbdae) as context:
+                loop = close_in_deck(context, values)
+                check_kick(loop, "lever", KICK_N)
+                _, content = kicked(context, loop, "lever", KICK_N, KICK_DURATION_S)
+            found[when] = {key: content[key] for key in ("largest_grip_travel_mm", "swing_at_the_end_mm", "fit")}
+    except PilotgenError as error:
+        return {**found, "reason": str(error)}
+    return found
+
+
+def _gain_told(told: Mapping[str, Any]) -> float:
+    gain = told.get("gain_margin_db")
+    return GAIN_MARGIN.cap if gain is None else float(gain)
 
 
 # ---- what is said

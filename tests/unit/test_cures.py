@@ -160,3 +160,11 @@ def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
     largest = -L.real[crossed].min()
     assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(largest), abs=2e-2)
     assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-4)
+
+
+def test_the_closed_deck_with_fittings_has_the_poles_of_the_margins(tmp_path: Path) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text(MULTIBODY)
+    change = changes(STUDY, {"damper": 10.0, "balance_weight": 1.0, "notch": 6.0}, 3.5)
+    settings = [f"{path}={value!r}" for path, value in change.items()]
+    assert main(["loop", str(study), "-o", str(tmp_path / "out"), "--set", *settings]) == 0  # 3 if poles differ
