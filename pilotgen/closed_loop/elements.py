@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -93,7 +94,7 @@ class GripStops:
         return np.asarray(self.stiffness_n_per_m * beyond)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MuscleLaw:
     """All muscles of a pilot with their reflexes, about his posture.
 
@@ -133,10 +134,16 @@ class MuscleLaw:
 
     def excess(self, stretch: Floats, rate: Floats) -> Floats:
         """Force beyond what the linear model has [N], (muscles, n)."""
+        rest, stiff, damp = self._linear
+        return np.asarray(self.force(stretch, rate) - rest - stiff * stretch - damp * rate)
+
+    @cached_property
+    def _linear(self) -> tuple[Floats, Floats, Floats]:
+        """Force at rest and slopes, (muscles, 1) each."""
         zero = np.zeros((len(self.data.x), 1))
         rest = MuscleLaw(self.data, self.proportional_gain, self.derivative_gain, False).force(zero, zero)
         stiff, damp = self.slopes()
-        return self.force(stretch, rate) - rest - stiff[:, None] * stretch - damp[:, None] * rate
+        return rest, stiff[:, None], damp[:, None]
 
 
 def _f1(x: np.ndarray) -> np.ndarray:

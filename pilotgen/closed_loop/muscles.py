@@ -22,13 +22,15 @@ F2_AT_REST = 1.6 - 1.6 * math.exp(0.1 - 1.1)
 def f1(x: npt.ArrayLike) -> Floats:
     """Active force by relative length, any shape (the deck's muscle law, docs/theory/elements.md)."""
     u = np.asarray(x) - 0.95
-    return np.asarray(np.exp(u**2 - 40.0 * u**4))
+    square = u * u
+    return np.asarray(np.exp(square - 40.0 * square * square))
 
 
 def f2(v: npt.ArrayLike) -> Floats:
     """Active force by relative velocity, any shape, lengthening positive."""
     w = np.minimum(np.asarray(v, dtype=float), 1.0 - 1e-9) - 1.0
-    return np.asarray(1.6 - 1.6 * np.exp(0.1 / w**2 - 1.1 / w**4))
+    inverse = 1.0 / (w * w)
+    return np.asarray(1.6 - 1.6 * np.exp(inverse * (0.1 - 1.1 * inverse)))
 
 
 def f3(x: npt.ArrayLike) -> Floats:

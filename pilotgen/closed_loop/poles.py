@@ -98,6 +98,21 @@ def eigenvalues(matrices: Matrices) -> Complexes:
     return np.asarray(lam[np.isfinite(lam) & (np.abs(lam) < _FAR)])
 
 
+def open_loop_note(loop: ClosedLoop) -> str | None:
+    """One sentence if the loop is unstable even when it is cut; None if it is not."""
+    assert loop.pilot.matrices is not None
+    parts = {"pilot": eigenvalues(loop.pilot.matrices), "rotorcraft": loop.helicopter.state_space.poles}
+    for part, poles in parts.items():
+        worst = complex(poles[int(np.argmax(poles.real))]) if len(poles) else 0j
+        if worst.real > _SMALL:
+            return (
+                f"the open loop is unstable: the {part} has a pole at {worst.real:+.3g} 1/s, "
+                f"{abs(worst.imag) / (2.0 * math.pi):.3g} Hz; motions grow without any pilot-rotorcraft coupling, and "
+                "Nyquist curves must go round -1 once for each such pole"
+            )
+    return None
+
+
 def compare_poles(context: EvaluationContext, loop: ClosedLoop, where: Path, text: str | None = None) -> PoleTable:
     """Linearise the deck of a loop and hold its poles against the margins'.
 

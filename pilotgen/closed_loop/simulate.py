@@ -285,7 +285,7 @@ def fit(motion: LoopMotion, from_s: float, to_s: float, band_hz: tuple[float, fl
     every = max(1, round(1.0 / (FIT_HZ * step)))
     rows = (motion.time >= from_s) & (motion.time <= to_s)
     signal = motion.travel[rows][::every]
-    if len(signal) < 30 or float(np.ptp(signal)) == 0.0:
+    if len(signal) < FIT_HZ or float(np.ptp(signal)) == 0.0:
         return None
     poles, amplitudes = exponentials(signal, every * step)
     length = every * step * (len(signal) - 1)

@@ -72,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
     pin_threads()
     from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
     from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, prepare, report_text
+    from pilotgen.closed_loop.poles import open_loop_note
     from pilotgen.closed_loop.threshold import threshold
     from pilotgen.decks.vehicle import Friction
     from pilotgen.evaluation import EvaluationContext
@@ -89,6 +90,9 @@ def run(args: argparse.Namespace) -> int:
         line = ProgressLine(total=0, quiet=args.quiet or args.json)
         try:
             loop = close_in_deck(context, values, directory)
+            note = open_loop_note(loop)
+            if note:
+                common.say(note)
             friction = friction_of(loop.study)
             line.update("growth by amplitude")
             prepared = prepare(context, loop, args.harmonics, geometry=not args.no_geometry)

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.closed_loop.deck import check_study, close_in_deck
-    from pilotgen.closed_loop.poles import compare_poles, summary, table_text
+    from pilotgen.closed_loop.poles import compare_poles, open_loop_note, summary, table_text
     from pilotgen.evaluation import EvaluationContext
     from pilotgen.output import claimed
 
@@ -67,8 +67,9 @@ def run(args: argparse.Namespace) -> int:
         worst = table.difference.max(initial=0.0)
         state = "stable" if table.stable else "UNSTABLE"
         print(f"closed loop {state} by the deck's own eigenvalues; largest difference of a pole {worst:.1e}")
-        if table.unstable_open:
-            print(f"the open loop has {table.unstable_open} unstable poles")
+        note = open_loop_note(loop)
+        if note:
+            common.say(note)
         if not table.certified:
             print("NOT certified: the deck and the margins do not agree; loop.json tells where", file=sys.stderr)
         print(f"loop.mbd, the pilot's decks, loop.h5 and loop.json are in {directory}")

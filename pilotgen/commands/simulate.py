@@ -78,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     pin_threads()
     from pilotgen.closed_loop.animation import write_animation
     from pilotgen.closed_loop.deck import check_study, close_in_deck
+    from pilotgen.closed_loop.poles import open_loop_note
     from pilotgen.closed_loop.simulate import KICKS, check_kick, kicked, onset, report_text
     from pilotgen.evaluation import EvaluationContext
     from pilotgen.output import claimed
@@ -98,6 +99,9 @@ def run(args: argparse.Namespace) -> int:
     ):
         loop = close_in_deck(context, values, directory, two_way=args.two_way)
         check_kick(loop, args.kick, size)
+        note = open_loop_note(loop)
+        if note:
+            common.say(note)
         motion, content = kicked(
             context,
             loop,
