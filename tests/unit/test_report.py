@@ -19,7 +19,6 @@ from study_maker import FAILED, mayo_study, write_study
 
 from pilotgen.errors import FileError, IncompleteOutput
 from pilotgen.figures.study import Curve
-from pilotgen.hdf5 import SEAL, content_sha256
 from pilotgen.report import findings, page, write_report
 from pilotgen.report.decks import MOST_DECKS, choose_front
 from pilotgen.runs.results import StudyResults
@@ -248,7 +247,7 @@ def test_another_program_is_noticed(tmp_path: Path):
     write_study(tmp_path, study)
     with h5py.File(tmp_path / "study.h5", "r+") as file:
         file["evaluations/gain_margin_db"][...] += 0.5
-        file.attrs[SEAL] = content_sha256(file)
+        file.attrs["version"] = (1, 1)  # files of that version have no checksum
     with pytest.raises(IncompleteOutput, match=r"report.html is written, but the worst pilot, evaluated again"):
         write_report(tmp_path, study)
     assert "other margins than in study.h5" in page_of(tmp_path).text
