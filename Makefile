@@ -128,12 +128,12 @@ solver-tests: build/release.stamp build/sanitize.stamp
 	@ctest --test-dir build/sanitize --no-tests=error --output-on-failure -j $(JOBS) | tail -n 25
 
 .PHONY: python-tests
-python-tests: install
+python-tests: install build/system-test.stamp
 	@echo "== pytest"
 	@$(BIN)/python -m pytest -q -n $(JOBS)
 
 .PHONY: coverage
-coverage: install ## Run the Python tests and tell which branches none of them takes (at least 90 % must be taken)
+coverage: install build/system-test.stamp ## Run the Python tests and tell which branches none of them takes (at least 90 % must be taken)
 	@$(BIN)/python -m pytest -q -n $(JOBS) --cov --cov-report=term
 
 .PHONY: format

@@ -323,6 +323,8 @@ def test_letters_stand_out_and_everything_has_a_name(made: Made, opened: Any, sc
     assert page.evaluate(unnamed) == []
     assert page.evaluate("[...document.querySelectorAll('.host')].every(e => e.getAttribute('aria-label'))")
     if scheme == "dark":
+        page.evaluate("pilotgen.wake()")
+        page.wait_for_timeout(200)
         page.screenshot(path=PICTURES / "report-dark.png", full_page=True)
 
 
