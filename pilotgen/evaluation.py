@@ -237,6 +237,9 @@ def evaluate(
     except MatrixError as error:
         context.check_scratch()
         return FailedEvaluation(plain, "matrices", str(error))
+    except FileError:
+        context.check_scratch()  # says more, if that is why
+        raise
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
