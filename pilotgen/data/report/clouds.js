@@ -168,7 +168,8 @@ pilotgen.clouds = (() => {
         });
         limit().forEach((at) => {
           pen.along(at, look.css("--limit"), { dash: [6, 4], width: 1.6 });
-          pen.text(at, 1.03 * most, `limit ${text.number(at, 0)}${text.unit(column)}`, look.css("--ink"), { dx: 5 });
+          const { min, max } = pen.u.scales.x, right = at > 0.7 * max + 0.3 * min;
+          pen.text(at, 1.03 * most, `limit ${text.number(at, 0)}${text.unit(column)}`, look.css("--ink"), { dx: right ? -5 : 5, align: right ? "right" : "left" });
         });
         const own = state.pilot === null ? NaN : column.values[state.pilot];
         if (Number.isFinite(own)) {
