@@ -165,6 +165,11 @@ class Journal:
         text = str(error).lower()
         if "full" in text:
             what = "the disk is full; free some space and run again with --resume (nothing recorded so far is lost)"
+        elif "i/o error" in text:
+            what = (
+                "the disk failed, or a quota or a limit on files is used up (disk I/O error); make room and run again "
+                "with --resume (nothing recorded so far is lost)"
+            )
         elif "readonly" in text or "read-only" in text:
             what = "the journal cannot be written (read-only); change its permissions or choose another directory"
         elif "unable to open" in text:

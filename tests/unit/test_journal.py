@@ -123,3 +123,10 @@ def test_full_disk_is_explained_and_loses_nothing(tmp_path: Path) -> None:
     journal.close()
     with Journal(path) as again:
         assert len(again) == kept + 1
+
+
+def test_a_quota_is_told_as_one(tmp_path: Path) -> None:
+    """SQLite says of a quota, and of a limit on the size of files, that the disk failed."""
+    with Journal(tmp_path / "j.sqlite") as journal:
+        told = str(journal._explain(sqlite3.OperationalError("disk I/O error")))
+    assert "a quota or a limit on files is used up" in told and "--resume" in told
