@@ -75,17 +75,17 @@ class Prepared:
     geometry: complex | None
 
 
-def prepare(context: EvaluationContext, loop: ClosedLoop, harmonics: int = 3, geometry: bool = True) -> Prepared:
+def prepare(context: EvaluationContext, loop: ClosedLoop, geometry: bool = True, harmonics: int = 3) -> Prepared:
     """Linearise a loop's deck, and let it ring up if it does.
 
     Parameters
     ----------
     context, loop
         Whose solver works; the loop.
-    harmonics : int
-        Of the balance that is compared with the deck's motion.
     geometry : bool
         Whether to measure what the geometry does to large swings; six motions of the deck.
+    harmonics : int
+        Of the balance that is compared with them.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def prepare(context: EvaluationContext, loop: ClosedLoop, harmonics: int = 3, ge
 
 
 def balanced(
-    prepared: Prepared, friction: Friction | None, harmonics: int = 3, amplitudes: int = AMPLITUDES
+    prepared: Prepared, friction: Friction | None, harmonics: int = 5, amplitudes: int = AMPLITUDES
 ) -> Balanced:
     """Growth by amplitude and limit cycles of a loop with some friction.
 

@@ -21,7 +21,7 @@ from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Floats
 
 TOGETHER = 0.02  # swings of two motions that differ by less run together
-SIZES_N = (0.5, 300.0)  # kicks at the lever that are tried
+SIZES_N = (1.0, 256.0)  # kicks at the lever that are tried
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ def threshold(
     friction: Friction | None,
     *,
     duration_s: float = 6.0,
-    steps: int = 16,
+    steps: int = 12,
     between_n: tuple[float, float] = SIZES_N,
     tell: Callable[[int, int], None] | None = None,
 ) -> Threshold | None:
-    """Bisect the size of a pulse at the lever; None if the largest dies or the smallest goes on.
+    """Bisect the size of a pulse at the lever; None if all die or the smallest goes on.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def threshold(
     steps : int
         Bisections, in the logarithm of the size.
     between_n : tuple of float
-        Sizes to begin with [N].
+        Smallest and largest size [N]; sizes double from the smallest until a motion goes on.
     tell : callable, optional
         Told how many motions are done, of how many.
     """
@@ -86,16 +86,22 @@ def threshold(
     def motion(size: float, count: int) -> LoopMotion:
         found = simulate(context, loop, disturbance("lever", size), duration_s, friction=friction)
         if tell is not None:
-            tell(count, steps + 2)
+            tell(count, steps + math.ceil(math.log2(between_n[1] / between_n[0])) + 1)
         return found
 
-    low, high = between_n
-    dead, alive = motion(low, 1), motion(high, 2)
-    if grows(dead) or not grows(alive):
+    low, most = between_n
+    dead = motion(low, 1)
+    if grows(dead):
         return None
-    for step in range(steps):
+    high, alive, done = low, dead, 1
+    while not grows(alive):  # very large kicks may die again, on a stop
+        if high == most:
+            return None
+        low, dead, high = high, alive, min(2.0 * high, most)
+        alive, done = motion(high, done + 1), done + 1
+    for _ in range(steps):
         size = math.sqrt(low * high)
-        middle = motion(size, step + 3)
+        middle, done = motion(size, done + 1), done + 1
         if grows(middle):
             high, alive = size, middle
         else:

@@ -33,13 +33,15 @@ def add_parser(commands: Any) -> None:
     common.add_settings(parser)
     common.add_mbdae(parser)
     parser.add_argument(
-        "--harmonics", metavar="K", type=int, choices=range(1, 10), default=3, help="of limit cycles (default: 3)"
+        "--harmonics", metavar="K", type=int, choices=range(1, 10), default=5, help="of limit cycles (default: 5)"
     )
     parser.add_argument(
         "--no-geometry", action="store_true", help="do not measure on the deck what the arm's geometry does (faster)"
     )
     parser.add_argument(
-        "--verify", action="store_true", help="find the smallest kick that goes on by integrating the deck (18 motions)"
+        "--verify",
+        action="store_true",
+        help="find the smallest kick that goes on by integrating the deck (some 20 motions)",
     )
     parser.add_argument(
         "--map", action="store_true", help="the smallest swing that grows over friction and gearing; onset.png"
@@ -95,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
                 common.say(note)
             friction = friction_of(loop.study)
             line.update("growth by amplitude")
-            prepared = prepare(context, loop, args.harmonics, geometry=not args.no_geometry)
+            prepared = prepare(context, loop, geometry=not args.no_geometry)
             found = balanced(prepared, friction, args.harmonics)
             kicked = grid = None
             if args.verify:
@@ -130,6 +132,6 @@ def run(args: argparse.Namespace) -> int:
             return 0
         print(report_text(content))
         if args.verify and kicked is None:
-            print("deck       every kick of 0.5 to 300 N dies, or every one goes on")
+            print("deck       every kick of 1 to 256 N that was tried dies, or every one goes on")
         print(f"the pilot's decks, limit_cycles.json and figures are in {directory}")
     return 0

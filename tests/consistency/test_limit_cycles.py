@@ -93,7 +93,7 @@ def test_receptances_have_the_poles(prepared: Prepared, loop: ClosedLoop) -> Non
 def test_limit_cycles_against_the_deck(context: EvaluationContext, prepared: Prepared, loop: ClosedLoop) -> None:
     found = balanced(prepared, COULOMB)
     onset = found.onset
-    assert onset is not None and onset.swing.harmonics.shape[1] == 4
+    assert onset is not None and onset.swing.harmonics.shape[1] == 6
     by_deck = threshold(context, loop, COULOMB, duration_s=4.0, steps=9, between_n=(15.0, 19.0))
     assert by_deck is not None
     assert onset.swing.swing_m() == pytest.approx(by_deck.swing_m, rel=0.03)
