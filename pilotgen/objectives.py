@@ -135,7 +135,7 @@ OBJECTIVES: Mapping[str, Objective] = {
             "modulus margin",
             "MM",
             "",
-            "smallest distance of the loop from the critical point, min |1 + L| [-], negative if unstable",
+            "smallest distance of the loop from the critical point, min |1 + L| [-], ranked as negative if unstable",
             at="modulus_margin_hz",
             signed=False,
             digits=3,
