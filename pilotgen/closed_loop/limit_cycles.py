@@ -18,7 +18,7 @@ from pilotgen.closed_loop.deck import ClosedLoop, with_gearing
 from pilotgen.closed_loop.geometry import measured, ring_up
 from pilotgen.closed_loop.harmonic import HarmonicBalance, LimitCycle, Swing, channels, make_balance
 from pilotgen.closed_loop.poles import eigenvalues
-from pilotgen.closed_loop.threshold import Threshold
+from pilotgen.closed_loop.threshold import Threshold, threshold
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError
 from pilotgen.evaluation import EvaluationContext
@@ -29,6 +29,7 @@ AMPLITUDES = 14  # of a sweep
 SMALLEST_M = 1e-3
 BEYOND_STOPS = 1.12  # largest amplitude over the travel to the farther stop
 REFINEMENTS = 12
+MAP_BISECTIONS = 4  # of a kick in a map: its size is known to 4 %
 SMALL_M = 2e-3  # a swing small enough for linear geometry
 NYQUIST_HZ = (1.5, 8.0, 70)
 
@@ -186,11 +187,15 @@ class OnsetMap:
         Breakout forces [N] and gearings [rad/m].
     swing_mm : ndarray, shape (gearings, frictions)
         [mm]; 0: every swing grows, infinite: every swing within the stops dies.
+    kick_n : ndarray, shape (gearings, frictions), or None
+        The smallest kick at the lever that goes on, by integration of the deck [N]; 0 and infinite as above, and
+        infinite where no kick that was tried goes on.
     """
 
     frictions_n: tuple[float, ...]
     gearings_rad_per_m: tuple[float, ...]
     swing_mm: Floats
+    kick_n: Floats | None = None
 
 
 def onset_map(
@@ -199,9 +204,12 @@ def onset_map(
     friction: Friction,
     frictions_n: Sequence[float],
     gearings_rad_per_m: Sequence[float],
+    kicks: bool = False,
     tell: Callable[[int, int], None] | None = None,
 ) -> OnsetMap:
     """The smallest swing that grows, over breakout force and gearing; everything else of `friction` in proportion.
+
+    With `kicks` the smallest kick as well, by some ten motions of the deck for every cell that has an unstable cycle.
 
     Raises
     ------
@@ -209,8 +217,10 @@ def onset_map(
         As `prepare` and `balanced`.
     """
     found = np.full((len(gearings_rad_per_m), len(frictions_n)), math.inf)
+    kick = np.full(found.shape, math.inf)
     for i, gearing in enumerate(gearings_rad_per_m):
-        prepared = prepare(context, with_gearing(loop, gearing), harmonics=1)
+        geared = with_gearing(loop, gearing)
+        prepared = prepare(context, geared, harmonics=1)
         bare = balanced(prepared, None, harmonics=1, amplitudes=10)
         for j, force in enumerate(frictions_n):
             with_friction = None if force == 0.0 else scaled(friction, force)
@@ -218,10 +228,13 @@ def onset_map(
             if cell.onset is not None:
                 found[i, j] = 1e3 * cell.onset.swing.amplitude_m
             elif cell.swings[0].growth_rad_s > 0.0:
-                found[i, j] = 0.0
+                found[i, j] = kick[i, j] = 0.0
+            if kicks and 0.0 < found[i, j] < math.inf:
+                between = threshold(context, geared, with_friction, steps=MAP_BISECTIONS)
+                kick[i, j] = math.inf if between is None else between.size_n
             if tell is not None:
                 tell(i * len(frictions_n) + j + 1, found.size)
-    return OnsetMap(tuple(frictions_n), tuple(gearings_rad_per_m), found)
+    return OnsetMap(tuple(frictions_n), tuple(gearings_rad_per_m), found, kick if kicks else None)
 
 
 def scaled(friction: Friction, breakout_n: float) -> Friction:
@@ -281,11 +294,15 @@ def as_dict(found: Balanced, prepared: Prepared, threshold: Threshold | None, gr
         content["map"] = {
             "friction_n": list(grid.frictions_n),
             "gearing_rad_per_m": list(grid.gearings_rad_per_m),
-            "smallest_swing_that_grows_mm": [
-                [None if math.isinf(value) else value for value in row] for row in grid.swing_mm.tolist()
-            ],
+            "smallest_swing_that_grows_mm": _cells(grid.swing_mm),
+            "smallest_kick_that_goes_on_n": None if grid.kick_n is None else _cells(grid.kick_n),
         }
     return content
+
+
+def _cells(values: Floats) -> list[list[float | None]]:
+    """Rows of a map for JSON: null where nothing grows."""
+    return [[None if math.isinf(value) else value for value in row] for row in values.tolist()]
 
 
 def report_text(content: dict[str, Any]) -> str:
@@ -321,9 +338,13 @@ def report_text(content: dict[str, Any]) -> str:
             )
     if content["map"]:
         grid = content["map"]
-        lines.append("smallest swing of the grip that grows [mm]; -: every swing within the stops dies")
-        lines.append("gearing  friction [N]" + "".join(f"{force:>8g}" for force in grid["friction_n"]))
-        for gearing, row in zip(grid["gearing_rad_per_m"], grid["smallest_swing_that_grows_mm"], strict=True):
-            cells = "".join(f"{'-' if value is None else f'{value:.3g}':>8}" for value in row)
-            lines.append(f"{gearing:7.3g} rad/m        " + cells)
+        maps = [("smallest swing of the grip that grows [mm]", "smallest_swing_that_grows_mm")]
+        if grid["smallest_kick_that_goes_on_n"]:
+            maps.append(("smallest kick at the lever that goes on [N], of the deck", "smallest_kick_that_goes_on_n"))
+        for what, key in maps:
+            lines.append(f"{what}; -: every one within the stops dies")
+            lines.append("gearing  friction [N]" + "".join(f"{force:>8g}" for force in grid["friction_n"]))
+            for gearing, row in zip(grid["gearing_rad_per_m"], grid[key], strict=True):
+                cells = "".join(f"{'-' if value is None else f'{value:.3g}':>8}" for value in row)
+                lines.append(f"{gearing:7.3g} rad/m        " + cells)
     return "\n".join(lines)

@@ -44,7 +44,10 @@ def add_parser(commands: Any) -> None:
         help="find the smallest kick that goes on by integrating the deck (some 20 motions)",
     )
     parser.add_argument(
-        "--map", action="store_true", help="the smallest swing that grows over friction and gearing; onset.png"
+        "--map",
+        action="store_true",
+        help="the smallest swing that grows over friction and gearing, with --verify the smallest kick too (some "
+        "minutes); onset.png",
     )
     parser.add_argument(
         "--frictions",
@@ -112,6 +115,7 @@ def run(args: argparse.Namespace) -> int:
                     friction or Friction(10.0, 10.0, 0.02, 0.0, 2e-4),
                     sorted(args.frictions or FRICTIONS_N),
                     sorted(args.gearings or [round(gearing * k, 4) for k in (0.8, 1.0, 1.2, 1.4, 1.6)]),
+                    args.verify,
                     tell=lambda done, total: line.update(f"{done}/{total} cells of the map"),
                 )
         finally:

@@ -129,6 +129,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert content["limit_cycles"][0]["stable"] is False
     row = content["map"]["smallest_swing_that_grows_mm"][0]
     assert row[0] == 0.0 and (row[1] is None or row[1] > content["limit_cycles"][0]["swing_mm"])
+    assert content["map"]["smallest_kick_that_goes_on_n"] is None
     for name in ("growth.png", "nyquist.png", "onset.png"):
         assert (output / name).stat().st_size > 10_000
     capsys.readouterr()
