@@ -66,7 +66,7 @@ def write_matrices(
         "muscles": np.column_stack([getattr(muscles, name) for name in MUSCLE_NUMBERS]),
     }
     values = {name: np.ascontiguousarray(numbers[name], dtype=np.float64) for name in NUMBERS}
-    with NewFile(path, FILETYPE, VERSION) as new:
+    with NewFile(path, FILETYPE, VERSION, seal=False) as new:  # as the solver writes it
         new.file[DECK_HASH] = np.array([matrices.deck_sha256.encode()])
         new.file[STRUCTURE] = np.array([text])
         new.file[CHECKSUM] = np.array([checksum(text), *map(checksum, values.values())], dtype=np.uint64)

@@ -34,7 +34,7 @@ search:
 """
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)  # not the session: other tests look at their figures
 def coarse_figures() -> Iterator[None]:
     """Still figures of few dots, which draw faster."""
     with pytest.MonkeyPatch.context() as patch:

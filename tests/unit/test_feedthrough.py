@@ -278,6 +278,10 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
     make_pilot_model(lever_on_seat(), 0.4).write(path)
     with h5py.File(path, "a") as file:
         file["modes/A"][0, 0] = np.nan
+    with pytest.raises(MatrixError, match="does not have the checksum"):
+        read_pilot_model(path)
+    with h5py.File(path, "a") as file:
+        del file.attrs["content_sha256"]  # as files of before
     with pytest.raises(MatrixError, match="modes/A"):
         read_pilot_model(path)
     with h5py.File(path, "a") as file:

@@ -223,7 +223,7 @@ STRENGTH = "pilot.strength_factor"
         ("{distribution: normal, mean: 1}", "key 'deviation' is missing"),
         ("{distribution: normal, mean: 1, deviation: 0}", "has no spread"),
         ("{distribution: normal, mean: 1, deviation: '0,1'}", "write 0.1"),
-        ("{distribution: normal, mean: 1, deviation: 0.5}", "outside 0.1 to 10 with a probability of 3.6 %"),
+        ("{distribution: normal, mean: 1, deviation: 0.5}", "outside 0.1 to 10 with a probability of 3.59 %"),
         ("{distribution: normal, mean: 1, deviation: 0.01, within: [2, 3]}", "nothing of it lies within [2, 3]"),
         ("{distribution: normal, mean: 1, deviation: 0.1, within: [1.2, 0.8]}", "lower end not below its upper end"),
         ("{distribution: uniform, lower: 1, upper: 2, within: [1, 2]}", "a uniform distribution has ends"),
