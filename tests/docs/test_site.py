@@ -20,7 +20,8 @@ ROOT = Path(__file__).parents[2]
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built from the pages of this tree; a warning is an error."""
     out: Path = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "docs", str(out)]
+    cache = f"nb_execution_cache_path={tmp_path_factory.mktemp('notebooks')}"  # notebooks are run, whatever was before
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-D", cache, "docs", str(out)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     environment.pop("MPLBACKEND", None)  # notebooks draw into their page
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=500, check=False)

@@ -21,7 +21,8 @@ import resource, sys
 import numpy as np
 from pilotgen.errors import FileError
 from pilotgen.hdf5 import NewFile
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
+before = resource.getrlimit(resource.RLIMIT_FSIZE)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), before[1]))
 try:
     with NewFile(sys.argv[1], "pilotgen test", (1, 0)) as new:
         for k in range(40):
@@ -29,6 +30,7 @@ try:
             if k % 7 == 0:
                 new.check()
 except FileError as error:
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)  # what measures coverage writes at the end
     print(error)
 """
 
