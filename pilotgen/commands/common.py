@@ -330,8 +330,11 @@ def long_run(
         def show(progress: Progress, milestone: bool) -> None:
             monitor(progress, milestone)
             if line.due(milestone):
+                if not progress.total:  # nobody knows yet how many there will be
+                    line.update((told(progress),), milestone)
+                    return
                 left = line.time_left(progress.done, progress.total)
-                share = progress.done / max(1, progress.total)
+                share = progress.done / progress.total
                 line.update((told(progress), f"{left} left" if left else ""), milestone, share)
 
         try:

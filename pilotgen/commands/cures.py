@@ -59,38 +59,27 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.output import claimed
-    from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.cures_study import cures_study
     from pilotgen.study.study import read_study
 
     study = read_study(args.study)
     options = common.run_options(args, study)
-    line = ProgressLine(0, quiet=args.quiet)
 
-    def show(progress: Progress, milestone: bool) -> None:
-        monitor(progress, milestone)
-        if line.due(milestone):
-            line.update((f"{progress.done} pilots, {progress.failed} failed",), milestone)
+    def told(progress: Progress) -> str:
+        return f"{progress.done} pilots, {progress.failed} failed"
 
-    with (
-        claimed(args.output, "cures", WRITES, args.resume, args.overwrite) as directory,
-        common.monitored(args, directory, "cures", study.name) as monitor,
-    ):
-        try:
-            done = cures_study(
-                study,
-                directory,
-                tuple(args.only),
-                tuple(args.without),
-                args.people,
-                not args.no_simulation,
-                options,
-                show,
-                line.before(monitor.say),
-            )
-        finally:
-            line.finish()
+    with common.long_run(args, "cures", WRITES, study, told) as (directory, show, say):
+        done = cures_study(
+            study,
+            directory,
+            tuple(args.only),
+            tuple(args.without),
+            args.people,
+            not args.no_simulation,
+            options,
+            show,
+            say,
+        )
         if not args.no_figures:
             draw(done.content, directory)
     if args.json:
