@@ -411,13 +411,14 @@ def _simulated(study: Study, proposal: Mapping[str, Any], options: RunOptions) -
     elements and nothing of linearisation, modes or Nyquist curve. Growth and frequency are fitted to the motion and
     held against the poles of the closed deck.
     """
-    from pilotgen.closed_loop.deck import close_in_deck
+    from pilotgen.closed_loop.deck import check_study, close_in_deck
     from pilotgen.closed_loop.simulate import check_kick, kicked
     from pilotgen.evaluation import EvaluationContext
 
     worst = min(proposal["pilots"], key=lambda row: _gain_told(row["before"]))
     found: dict[str, Any] = {"pilot": worst["name"], "kick_n": KICK_N, "duration_s": KICK_DURATION_S}
     try:
+        check_study(study)
         for when, change in (("before", {}), ("after", proposal["changes"])):
             values = {**worst["before"]["values"], **change}
             with EvaluationContext(study, mbdae=options.mbdae) as context:
