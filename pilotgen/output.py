@@ -90,7 +90,7 @@ def claimed(
     writes : sequence of str
         Patterns of the paths below `directory` that this command may write.
     resume : bool
-        A study that is already there goes on; False refuses it.
+        A study that is already there goes on, and so do draws of a pilot; False refuses it, or begins them anew.
     overwrite : bool
         Move an existing directory aside first (to `NAME.old-1`, `.old-2`, ...).
 
@@ -115,7 +115,7 @@ def claimed(
             name = kind if before.mark is None else before.mark.kind
             _write_mark(directory, Mark(name, False, before.hashes, tuple(sorted(others))))
             if kind not in (*STUDY_KINDS, *PAGES):
-                _remove_own(directory, before.hashes)
+                _remove_own(directory, [p for p in before.hashes if not (resume and _matches(p, NOT_HASHED))])
             yield directory
         except BaseException:
             if made:
@@ -187,6 +187,11 @@ class _Contents:
             others = {path for path in self.paths if path not in self.hashes}
         else:
             others = {path for path in self.paths if path in self.mark.others}
+        if kind == "pilot" and not (self.mark.complete or resume) and "journal.sqlite" in set(self.paths) - others:
+            raise FileError(
+                f"{self.directory} holds draws of a pilot that were interrupted; add --resume to go on with them "
+                "(with --uncertain), or choose another output directory, or add --overwrite, which moves this one aside"
+            )
         in_the_way = sorted(path for path in others if _matches(path, writes))
         if in_the_way:
             raise FileError(

@@ -172,7 +172,7 @@ def uncertain_pilot(
     Parameters
     ----------
     study, directory, options, on_progress, overwrite
-        As of `sample_population`; there is no journal to go on from.
+        As of `sample_population`.
     number : int
         How many draws. Draw i does not depend on it, nor on the pilot.
     values : mapping, optional

@@ -128,44 +128,45 @@ def add_mbdae(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add workers, resume, failures and executor options of long runs."""
+def add_workers(parser: argparse.ArgumentParser, title: str = "") -> None:
+    """Add workers, resume, failures and executor options of long runs, under a title of their own if one is given."""
     parser.set_defaults(long_run=True)
-    parser.add_argument(
+    group = parser.add_argument_group(title) if title else parser
+    group.add_argument(
         "--workers", metavar="N", type=positive_int, default=None, help="processes (default: one per core)"
     )
-    parser.add_argument(
+    group.add_argument(
         "--resume",
         action="store_true",
         help="go on in a directory that already holds this study; finished evaluations are kept",
     )
-    parser.add_argument(
+    group.add_argument(
         "--retry-failed", action="store_true", help="with --resume, evaluate again the pilots that failed"
     )
-    parser.add_argument(
+    group.add_argument(
         "--max-failures",
         metavar="N",
         type=non_negative_int,
         default=None,
         help="stop when more than N pilots have failed",
     )
-    parser.add_argument(
+    group.add_argument(
         "--time-limit",
         metavar="S",
         type=positive_float,
         default=30.0,
         help="wall time limit of one solver call in s (default: 30)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--executor",
         choices=("processes", "dask"),
         default="processes",
         help="where workers run (default: processes of this machine)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--scheduler", metavar="ADDRESS", default=None, help="address of a running dask scheduler, e.g. tcp://host:8786"
     )
-    parser.add_argument(
+    group.add_argument(
         "--log",
         metavar="FILE",
         type=user_path,
@@ -319,13 +320,23 @@ def long_run(
         The directory, claimed; who is told of progress; who is told sentences.
     """
     from pilotgen.output import claimed
+
+    with (
+        claimed(args.output, kind, files, args.resume, args.overwrite) as directory,
+        followed(args, directory, kind, study, told) as (show, say),
+    ):
+        yield directory, show, say
+
+
+@contextmanager
+def followed(
+    args: argparse.Namespace, directory: Path, kind: str, study: Study, told: Callable[[Progress], str]
+) -> Iterator[tuple[OnProgress, Callable[[str], None]]]:
+    """As `long_run`, in a directory that is claimed already: who is told of progress; who is told sentences."""
     from pilotgen.progress_line import ProgressLine
 
     line = ProgressLine(0, quiet=args.quiet)
-    with (
-        claimed(args.output, kind, files, args.resume, args.overwrite) as directory,
-        monitored(args, directory, kind, study.name) as monitor,
-    ):
+    with monitored(args, directory, kind, study.name) as monitor:
 
         def show(progress: Progress, milestone: bool) -> None:
             monitor(progress, milestone)
@@ -338,7 +349,7 @@ def long_run(
                 line.update((told(progress), f"{left} left" if left else ""), milestone, share)
 
         try:
-            yield directory, show, line.before(monitor.say)
+            yield show, line.before(monitor.say)
         finally:
             line.finish()
 

@@ -24,11 +24,14 @@ from pilotgen.study.schema import SCHEMA
 if TYPE_CHECKING:
     from pilotgen.evaluation import Evaluation, EvaluationContext
     from pilotgen.runs.batch import Progress
+    from pilotgen.runs.options import RunOptions
     from pilotgen.study.study import Study
 
 WRITES = ("*.mbd", "*.h5", "*.nc", "*.log", "*.out", "result.json", "bode.png", "nyquist.png", "uncertain.json",
-          "uncertain.csv", "band-*.png", "study.yaml", "pilot.html")  # fmt: skip
+          "uncertain.csv", "band-*.png", "study.yaml", "pilot.html", "journal.sqlite*")  # fmt: skip
 DRAWS = 200  # of --uncertain
+
+OF_DRAWS = ("-n", "--workers", "--resume", "--retry-failed", "--max-failures", "--executor", "--scheduler", "--log")
 
 MOST_POLES, POLES_BELOW_HZ = 6, 10.0  # that a summary shows; result.json has all
 
@@ -50,6 +53,7 @@ def add_parser(commands: Any) -> None:
     common.add_study(parser)
     common.add_output(parser)
     common.add_settings(parser)
+    common.add_workers(parser, "draws of --uncertain")
     common.add_solver(parser)
     common.add_fail_below(parser)
     parser.add_argument(
@@ -60,12 +64,8 @@ def add_parser(commands: Any) -> None:
         "-n", "--number", metavar="N", type=common.positive_int, default=None, help="draws of --uncertain (default: "
         f"{DRAWS})",
     )  # fmt: skip
-    parser.add_argument(
-        "--workers", metavar="N", type=common.positive_int, default=None, help="processes of --uncertain (default: one "
-        "per core)",
-    )  # fmt: skip
     parser.add_argument("--no-figures", action="store_true", help="do not draw figures, nor write pilot.html")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, long_run=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -76,23 +76,24 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, write_result
     from pilotgen.output import claimed
 
-    for option, given in (("-n", args.number), ("--workers", args.workers)):
-        if given is not None and not args.uncertain:
+    for option in OF_DRAWS:
+        given = getattr(args, option.lstrip("-").replace("-", "_") if option != "-n" else "number")
+        if given not in (None, False, "processes") and not args.uncertain:
             raise StudyError(f"{option} is for --uncertain; add that, or leave {option} out")
     study, values = common.read_pilot(args)
-    common.check_solver(args, study)
+    options = common.run_options(args, study)
     if args.uncertain:
         from pilotgen.uncertain.draws import Draws
 
         Draws(study, 1).changes(0, values)  # what is wrong is told before anything is written
     with (
-        EvaluationContext(study, mbdae=args.mbdae, solver=args.solver, mbdyn=args.mbdyn) as context,
-        claimed(args.output, "pilot", WRITES, overwrite=args.overwrite) as directory,
+        EvaluationContext(study, args.mbdae, args.solver, args.mbdyn, args.time_limit) as context,
+        claimed(args.output, "pilot", WRITES, args.resume, args.overwrite) as directory,
     ):
         outcome = evaluate(context, values, keep=directory)
         drawn: dict[str, Any] = {}
         if args.uncertain and isinstance(outcome, Evaluation):
-            drawn = _draw(args, context, outcome, directory)
+            drawn = _draw(args, context, outcome, directory, options)
         content = write_result(context, outcome, directory, {**_in_result(drawn), **_how_rare(study, outcome.result)})
         if args.json:
             sys.stdout.write(to_json(content))
@@ -121,26 +122,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(args: argparse.Namespace, context: EvaluationContext, nominal: Evaluation, directory: Path) -> dict[str, Any]:
+def _draw(
+    args: argparse.Namespace, context: EvaluationContext, nominal: Evaluation, directory: Path, options: RunOptions
+) -> dict[str, Any]:
     """Evaluate the draws, with a progress line."""
-    from pilotgen.progress_line import ProgressLine
-    from pilotgen.runs.options import RunOptions
     from pilotgen.runs.uncertain_study import uncertain_study
 
-    number = args.number or DRAWS
-    line = ProgressLine(number, quiet=args.quiet)
+    def told(progress: Progress) -> str:
+        return f"{progress.done}/{progress.total} draws, {progress.failed} failed"
 
-    def show(progress: Progress, milestone: bool) -> None:
-        if line.due(milestone):
-            left = line.time_left(progress.done)
-            text = f"{progress.done}/{number} draws, {progress.failed} failed"
-            line.update((text, f"{left} left" if left else ""), milestone, progress.done / max(1, number))
-
-    options = RunOptions(workers=args.workers, solver=args.solver, mbdae=args.mbdae, mbdyn=args.mbdyn)
-    try:
-        return uncertain_study(context, nominal, directory, number, options, show).content
-    finally:
-        line.finish()
+    with common.followed(args, directory, "pilot --uncertain", context.study, told) as (show, say):
+        return uncertain_study(context, nominal, directory, args.number or DRAWS, options, show, say).content
 
 
 def _how_rare(study: Study, result: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from pilotgen.objectives import MARGINS, OBJECTIVES, PHASE_MARGIN, margins_text
 from pilotgen.population.region import Region, beyond, one_in, region_of
 from pilotgen.report import findings
 from pilotgen.report.assets import script_texts, style_text, template
+from pilotgen.report.course import course_rows
 from pilotgen.report.findings import replay, typeset_number
 from pilotgen.report.others import Section
 from pilotgen.report.people import Known, page_data, script_text
@@ -31,6 +32,7 @@ from pilotgen.summary import caveats
 if TYPE_CHECKING:
     from pilotgen.report.decks import FrontDecks
     from pilotgen.report.repeated import Repeated
+    from pilotgen.runs.monitor import Course
 
 TEMPLATE = "report.html.j2"
 STUDY_FILE = "study.yaml"  # beside the report, so that its commands hold wherever the directory goes
@@ -56,11 +58,12 @@ def render(
     solver: str = "mbdae",
     known: Iterable[Known] = (),
     others: Sequence[Section] = (),
+    course: Course | None = None,
 ) -> str:
     """The text of report.html; parameters as gathered by `write_report`.
 
     `order` and `front` hold indices of evaluations, shapes (evaluated,) and (members,). `known` are pilots who were
-    evaluated again for the views, `others` what other commands found.
+    evaluated again for the views, `others` what other commands found, `course` is how the run went.
     """
     columns = results.columns
     worst = int(order[0]) if len(order) else None
@@ -82,6 +85,7 @@ def render(
         "objectives": ", ".join(quantity(name).name for name in results.objective_names),
         "style": style_text(),
         "others": others,
+        "course": course_rows(course, results),
         "page_data": "",
     }
     if worst is not None:

@@ -22,6 +22,7 @@ from pilotgen.report.others import Section
 from pilotgen.report.people import Known
 from pilotgen.report.repeated import Repeated
 from pilotgen.runs.batch import RESULTS_NAME
+from pilotgen.runs.monitor import read_course
 from pilotgen.runs.results import StudyResults, read_results
 from pilotgen.study.schema import is_whole
 from pilotgen.study.study import Study
@@ -62,7 +63,7 @@ def write_report(
     Returns
     -------
     Path
-        The report. The same study.h5 and program give the same bytes.
+        The report. The same study.h5, heartbeat and program give the same bytes.
 
     Raises
     ------
@@ -71,7 +72,7 @@ def write_report(
     IncompleteOutput
         Everything is written, but pilots who were evaluated again fail or have other margins than in study.h5.
     """
-    results = read_results(directory / RESULTS_NAME)
+    results, course = read_results(directory / RESULTS_NAME), read_course(directory)
     order = findings.worst_order(results)
     front = findings.first_front(results)
     repeated, front_decks = None, None
@@ -88,10 +89,10 @@ def write_report(
             if not repeated.same:
                 problems.append("the worst pilot, evaluated again, is not as study.h5 has him")
             known = _shown(context, results, order, front, places)
-            found = (rows, repeated, front_decks, problems, solver, known, others)
+            found = (rows, repeated, front_decks, problems, solver, known, others, course)
             text = page.render(study, results, order, front, *found)
     else:
-        text = page.render(study, results, order, front, rows, None, None, problems, solver, (), others)
+        text = page.render(study, results, order, front, rows, None, None, problems, solver, (), others, course)
     write_text(directory / STUDY_NAME, study.text)
     write_text(directory / REPORT_NAME, text)
     if problems:

@@ -44,6 +44,7 @@ class Progress:
     unstable: int = 0  # closed loops, of both
     cpu_s: float = 0.0  # of this run's evaluations, solver included
     worker_memory_bytes: int = 0  # largest that one worker and its solver had so far; 0 if nobody looked
+    workers: int = 0  # processes of this run; 0 if others have them
     generation: int = 0  # of a search, from 0
     generations: int = 0
     smallest: dict[str, float] = field(default_factory=dict)  # objective -> its smallest value, as ranked

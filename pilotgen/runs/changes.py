@@ -17,6 +17,7 @@ from pilotgen.errors import PilotgenError
 from pilotgen.study.fields import shown
 from pilotgen.study.study import Study, study_from_text
 
+UNCERTAIN = "uncertain"  # the kind of a run of draws of one pilot
 SHAPES = ("variables", "objectives")  # of study.h5, whatever the kind of run
 COURSE = ("algorithm", "population", "mutation_probability", "within")  # of a search
 FREE = ("seed", "generations", "stop_rank_one_fraction", "stop_unchanged_generations")
@@ -47,7 +48,7 @@ def changes(known_text: str, study: Study, kind: str) -> list[Change] | None:
     study : Study
         The one that is to go on.
     kind : str
-        "search", "sample", "population" or "sensitivity".
+        "search", "sample", "population", "sensitivity" or "uncertain".
     """
     if known_text == study.text:
         return []
@@ -74,6 +75,8 @@ def table_of_changes(found: list[Change]) -> str:
 def _determining(study: Study, kind: str, searched: set[str]) -> dict[str, Any]:
     """By path, what determines evaluations and the shape of study.h5."""
     flat = _flat(json.loads(study.canonical()))
+    if kind == UNCERTAIN:  # a draw has all values of its own
+        return flat
     if kind == "population":  # its people have all values of their own
         return flat | _flat({"population": study.population})
     if kind == "sensitivity":
@@ -88,6 +91,8 @@ def _determining(study: Study, kind: str, searched: set[str]) -> dict[str, Any]:
 
 def _free(study: Study, kind: str) -> dict[str, Any]:
     flat: dict[str, Any] = {"study": study.name, **{f"limits.{key}": value for key, value in study.limits.items()}}
+    if kind == UNCERTAIN:  # nor does the search matter
+        return flat
     names = FREE if kind == "search" else ("seed",)
     return flat | {f"search.{name}": getattr(study.search, name) for name in names}
 

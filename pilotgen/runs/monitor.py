@@ -11,7 +11,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -58,6 +58,7 @@ class Monitor:
         self._directory, self._tell, self._clock = directory, tell, clock
         self._progress: Progress | None = None
         self._begin = clock()
+        self._earlier = _sums(read_beat(directory))
         self._last_beat = self._last_event = -float("inf")
         self._failed = 0
         self._path = log
@@ -109,7 +110,8 @@ class Monitor:
 
     def _beat(self, progress: Progress, now: float) -> None:
         beat = {
-            "time": time.time(), "pid": os.getpid(), "seconds": now - self._begin, **_numbers(progress)
+            "time": time.time(), "pid": os.getpid(), "seconds": now - self._begin, **_numbers(progress),
+            "earlier": self._earlier,
         }  # fmt: skip
         with suppress(FileError):  # of no use to the run itself; a full disk is told by who needs the space
             write_text(self._directory / HEARTBEAT_NAME, json.dumps(beat, allow_nan=False) + "\n")
@@ -119,6 +121,72 @@ def _numbers(progress: Progress) -> dict[str, Any]:
     numbers = asdict(progress)
     del numbers["last"]
     return {**numbers, "done": progress.done}
+
+
+_SUMMED = ("runs", "seconds", "evaluated", "cpu_s", "worker_memory_bytes")  # over runs that went on; the last: largest
+
+
+def _sums(beat: Mapping[str, Any] | None) -> dict[str, float]:
+    """Of the run that told this and those before it."""
+    if beat is None:
+        return dict.fromkeys(_SUMMED, 0)
+    earlier, own = beat.get("earlier", {}), {**beat, "runs": 1}
+    sums = {name: earlier.get(name, 0) + own.get(name, 0) for name in _SUMMED}
+    return sums | {_SUMMED[-1]: max(earlier.get(_SUMMED[-1], 0), own.get(_SUMMED[-1], 0))}
+
+
+@dataclass(frozen=True)
+class Course:
+    """How the runs went that made the study of a directory, the first and those that went on with it.
+
+    Attributes
+    ----------
+    runs : int
+        How many; those that evaluated no pilot left no word.
+    workers : int
+        Processes of the last one; 0 if it had those of a scheduler, or did not tell.
+    evaluated : int
+        Pilots, over all runs.
+    seconds : float
+        Of wall time, from the start of each run to its last word.
+    cpu_s : float
+        Of the evaluations, solver included.
+    worker_memory_bytes : int
+        Of the largest worker with its solver; 0 if nobody looked.
+    """
+
+    runs: int
+    workers: int
+    evaluated: int
+    seconds: float
+    cpu_s: float
+    worker_memory_bytes: int
+
+
+def read_course(directory: Path) -> Course | None:
+    """How the runs in a directory went, by their heartbeat; None if there is none, or none of ours."""
+    beat = read_beat(directory)
+    if beat is None:
+        return None
+    sums = _sums(beat)
+    return Course(
+        int(sums["runs"]),
+        int(beat.get("workers", 0)),
+        int(sums["evaluated"]),
+        float(sums["seconds"]),
+        float(sums["cpu_s"]),
+        int(sums["worker_memory_bytes"]),
+    )
+
+
+def read_beat(directory: Path) -> Mapping[str, Any] | None:
+    """The heartbeat of a directory; None if there is none, or somebody else has written to the file."""
+    beat: Any = None
+    with suppress(OSError, ValueError, RecursionError, FileError):
+        refuse_special(directory / HEARTBEAT_NAME)
+        text = (directory / HEARTBEAT_NAME).read_text(encoding="utf-8")
+        beat = json.loads(text, parse_constant=lambda _: None)
+    return beat if _is_sound(beat) else None
 
 
 @dataclass(frozen=True)
@@ -181,26 +249,27 @@ def read_status(directory: Path) -> Status:
     stages = _failed_by_stage(journal)
     kind, complete = ("study", False) if mark is None else (mark.kind, mark.complete)
     state = "running" if _is_locked(directory) else "finished" if complete else "interrupted"
-    beat: Any = None
-    with suppress(OSError, ValueError, RecursionError, FileError):
-        refuse_special(directory / HEARTBEAT_NAME)
-        text = (directory / HEARTBEAT_NAME).read_text(encoding="utf-8")
-        beat = json.loads(text, parse_constant=lambda _: None)
     ok = stages.pop("", 0)
     failed = sum(stages.values())
-    return Status(kind, state, ok + failed, failed, stages, beat if _is_sound(beat) else None)
+    return Status(kind, state, ok + failed, failed, stages, read_beat(directory))
 
 
-_IN_A_BEAT = ("time", "pid", "seconds", "done", "total", "evaluated", "generation", "generations",
-              "worker_memory_bytes")  # fmt: skip
+_IN_A_BEAT = ("time", "pid", "seconds", "done", "total", "evaluated", "generation", "generations")
+_NOT_IN_OLDER = ("worker_memory_bytes", "workers", "cpu_s")
 
 
 def _is_sound(beat: Any) -> bool:
     """Whether a heartbeat is one: somebody may have written to the file."""
-    return isinstance(beat, dict) and all(
-        isinstance(beat.get(name, 0 if name == "worker_memory_bytes" else None), int | float)
-        and 0 <= beat.get(name, 0) < 1e15
-        for name in _IN_A_BEAT
+
+    def numbers(of: Any, names: Sequence[str], default: int | None) -> bool:
+        return isinstance(of, dict) and all(
+            isinstance(of.get(name, default), int | float) and 0 <= of.get(name, 0) < 1e15 for name in names
+        )
+
+    return (
+        numbers(beat, _IN_A_BEAT, None)
+        and numbers(beat, _NOT_IN_OLDER, 0)
+        and numbers(beat.get("earlier", {}), _SUMMED, 0)
     )
 
 

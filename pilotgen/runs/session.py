@@ -19,7 +19,7 @@ from pilotgen.errors import FileError
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
-from pilotgen.runs.changes import changes, table_of_changes
+from pilotgen.runs.changes import UNCERTAIN, changes, table_of_changes
 from pilotgen.runs.executor import ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
@@ -75,8 +75,11 @@ def open_batch(
     on_progress: OnProgress | None,
     progress: Progress,
     say: Say | None = None,
+    function: Callable[[Task], tuple[dict[str, Any], float]] = run_task,
 ) -> Iterator[Batch]:
     """Workers (no more than `most`), the directory's journal and the task of one pilot, together.
+
+    `function`, of a module, is what workers do with a task.
 
     Raises Interrupted when a signal ends the run.
 
@@ -89,6 +92,7 @@ def open_batch(
     """
     print_hash = fingerprint(study, options.mbdae, options.solver)  # also finds out early that there is no solver
     workers = _make_workers(options, most)
+    progress.workers = 0 if options.scheduler is not None else options.worker_count(most)
     if options.scheduler is not None and is_open(options.scheduler):
         (say or _warn)(
             f"anybody who reaches {options.scheduler} can run programs there as its user and as you; certificates "
@@ -109,7 +113,7 @@ def open_batch(
             batch = Batch(
                 journal,
                 workers,
-                run_task,
+                function,
                 make_task,
                 print_hash,
                 options.max_failures,
@@ -242,8 +246,9 @@ def _go_on(directory: Path, study: Study, kind: str, print_hash: str, journal: J
             say(f"another seed is another {kind}: study.h5 of the one before is kept as {_keep_aside(results).name}")
     before = journal.get_meta("fingerprint")
     if before is not None and before != print_hash and (count := len(journal)):
+        other = "other settings, or another version" if kind == UNCERTAIN else "another version"
         say(
-            f"{counted(count, 'recorded evaluation')} of another version of code, data or solver cannot be used: "
+            f"{counted(count, 'recorded evaluation')} of {other} of code, data or solver cannot be used: "
             "these pilots are evaluated again"
         )
     for name, value in (("study_text", study.text), ("study_name", study.name), ("fingerprint", print_hash)):

@@ -5,13 +5,15 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
-import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pilotgen.errors import StudyError
 from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation
@@ -19,10 +21,12 @@ from pilotgen.files import to_json, write_text
 from pilotgen.linear.statespace import ComplexArray
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.population.tally import signed
-from pilotgen.runs.batch import OnProgress, Progress, as_result
-from pilotgen.runs.executor import ProcessWorkers, WorkerLost
+from pilotgen.runs.batch import OnProgress, Progress
+from pilotgen.runs.changes import UNCERTAIN
 from pilotgen.runs.fingerprint import solver_version
+from pilotgen.runs.journal import evaluation_key
 from pilotgen.runs.options import RunOptions
+from pilotgen.runs.session import Say, open_batch
 from pilotgen.runs.task import Task, evaluated
 from pilotgen.study.fields import setting_text
 from pilotgen.study.schema import study_unit
@@ -33,7 +37,9 @@ from pilotgen.uncertain.draws import Draws
 from pilotgen.uncertain.spread import answer, sentences, spread_of
 
 RESULT_NAME, DRAWS_NAME = "uncertain.json", "uncertain.csv"
-FILES = (RESULT_NAME, DRAWS_NAME)  # in its directory
+FILES = (RESULT_NAME, DRAWS_NAME, "journal.sqlite*")  # in its directory
+CHUNK = 500  # draws between two milestones
+RESPONSES = "responses"  # key of a draw's grip motion and loop beside his result object
 FILETYPE, VERSION = "pilotgen uncertain", 1
 FEWEST_FOR_BANDS = 3
 
@@ -46,22 +52,18 @@ class UncertainRun:
     progress: Progress
 
 
-Answer = tuple[dict[str, Any], ComplexArray | None, ComplexArray | None]  # result object, grip motion, loop
-
-
-@dataclass(frozen=True)
-class DrawTask:
-    """One draw of a pilot for a worker."""
-
-    task: Task  # `values` are those of the draw
-
-
-def run_draw(task: DrawTask) -> tuple[Answer, float]:
-    """Evaluate one draw in a worker: ((result object, grip motion, loop), CPU seconds); no responses if it failed."""
-    outcome, cpu_s = evaluated(task.task)
+def run_draw(task: Task) -> tuple[dict[str, Any], float]:
+    """Evaluate one draw in a worker: (result object with `RESPONSES` unless it failed, CPU seconds)."""
+    outcome, cpu_s = evaluated(task)
     if not isinstance(outcome, Evaluation):
-        return (outcome.result, None, None), cpu_s
-    return (outcome.result, *responses(outcome)), cpu_s
+        return outcome.result, cpu_s
+    packed = [base64.b64encode(np.asarray(one, "<c16").tobytes()).decode("ascii") for one in responses(outcome)]
+    return {**outcome.result, RESPONSES: packed}, cpu_s
+
+
+def _responses(result: Mapping[str, Any]) -> list[ComplexArray]:
+    """Grip motion and loop of a draw that `run_draw` evaluated; nothing of one that failed."""
+    return [np.frombuffer(base64.b64decode(text), "<c16") for text in result.get(RESPONSES, ())]
 
 
 def uncertain_study(
@@ -71,6 +73,7 @@ def uncertain_study(
     number: int,
     options: RunOptions,
     on_progress: OnProgress | None = None,
+    say: Say | None = None,
 ) -> UncertainRun:
     """Evaluate draws of a pilot; leaves uncertain.json and uncertain.csv, and returns what it says.
 
@@ -84,53 +87,40 @@ def uncertain_study(
         Where the files go.
     number : int
         How many draws; draw i does not depend on it.
-    options : RunOptions
-        Workers, solver, time limit.
-    on_progress : callable, optional
-        (Progress, milestone) after every draw.
+    options, on_progress, say
+        As of `search_study`; a draw that the journal has is not evaluated again.
 
     Raises
     ------
     StudyError
         Nothing is uncertain.
-    FileError
-        No space, no workers.
+    FileError, TooManyFailures
+        As `search_study`.
     """
     study = context.study
     draws = Draws(study, number)
-    pickled = pickle.dumps(study)
-    answers: dict[int, Answer] = {}
     values: list[dict[str, Any]] = []
-    tasks: dict[int, DrawTask] = {}
+    impossible: dict[int, dict[str, Any]] = {}
     for k in range(number):
         try:
             values.append(draws.values(k, nominal.values))
         except StudyError as error:  # numbers and words that do not go together
             values.append(dict(nominal.values))
-            answers[k] = (FailedEvaluation(values[k], "study", str(error)).result, None, None)
-            continue
-        own = (options.mbdae, options.solver, options.mbdyn, options.time_limit_s)
-        tasks[k] = DrawTask(Task(pickled, values[k], *own))
-    progress = Progress(number, evaluated=len(answers), failed=len(answers))
-    workers, order = ProcessWorkers(options.worker_count(max(1, len(tasks)))), list(tasks)
-    try:
-        for index, outcome in workers.run(run_draw, list(tasks.values())):
-            k = order[index]
-            if isinstance(outcome, WorkerLost):
-                answers[k] = (as_result(outcome, values[k])[0], None, None)
-            else:
-                answers[k], cpu_s = outcome
-                progress.cpu_s += cpu_s
-            progress.evaluated += 1
-            progress.failed += answers[k][0]["status"] != "ok"
-            if on_progress is not None:
-                on_progress(progress, False)
-    finally:
-        workers.close()
-    results = [answers[k][0] for k in range(number)]
-    there = [answers[k] for k in range(number)]
-    motion = [one for _, one, _ in there if one is not None]
-    loop = [one for _, _, one in there if one is not None]
+            impossible[k] = FailedEvaluation(values[k], "study", str(error)).result
+    possible = [k for k in range(number) if k not in impossible]
+    different = len({evaluation_key("", values[k]) for k in possible})  # equal ones, as of words, are evaluated once
+    left_out = len(impossible)
+    progress = Progress(different + left_out, evaluated=left_out, failed=left_out)
+    found = dict(impossible)
+    most = max(1, min(different, CHUNK))
+    with open_batch(study, directory, UNCERTAIN, options, most, on_progress, progress, say, run_draw) as batch:
+        for first in range(0, len(possible), CHUNK):
+            chunk = possible[first : first + CHUNK]
+            found |= dict(zip(chunk, batch.evaluate([values[k] for k in chunk]), strict=True))
+            batch.report(milestone=True)
+    results = [found[k] for k in range(number)]
+    pairs = [pair for pair in map(_responses, results) if pair]
+    motion, loop = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     content: dict[str, Any] = {
         "sentence": "",
         "sentences": [],

@@ -16,7 +16,7 @@ from pilotgen.errors import FileError
 from pilotgen.output import HEARTBEAT_NAME, STUDY_FILES, claimed
 from pilotgen.runs.batch import Progress
 from pilotgen.runs.journal import JOURNAL_NAME, Journal, Record
-from pilotgen.runs.monitor import Monitor, read_status
+from pilotgen.runs.monitor import Course, Monitor, read_course, read_status
 
 FAILED = {"status": "failed", "stage": "posture", "reason": "wrist", "values": {"bmi": 20.0}}
 
@@ -78,3 +78,29 @@ def test_a_log_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     monitor = Monitor(tmp_path, Path("/dev/full"))
     with pytest.raises(FileError, match="/dev/full: the log cannot be written"):
         monitor.event("start")
+
+
+def test_course_of_runs_that_went_on(tmp_path: Path) -> None:
+    assert read_course(tmp_path) is None
+    now = [0.0]
+    for k, (workers, memory) in enumerate(((2, 90), (0, 0), (1, 40)), start=1):
+        monitor = Monitor(tmp_path, clock=lambda: now[0])
+        now[0] += 10.0
+        monitor(Progress(30, evaluated=5, cpu_s=1.0, workers=workers, worker_memory_bytes=memory), False)
+        assert read_course(tmp_path) == Course(k, workers, 5 * k, 10.0 * k, float(k), 90)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [{"earlier": 3}, {"earlier": {"runs": "two"}}, {"earlier": {"seconds": -1}}, {"cpu_s": None}, {"workers": [2]},
+     {"seconds": 1e300}, {"worker_memory_bytes": "much"}],
+)  # fmt: skip
+def test_a_heartbeat_that_somebody_wrote_to_is_none(tmp_path: Path, damage: dict[str, object]) -> None:
+    monitor = Monitor(tmp_path)
+    monitor(Progress(30, evaluated=5), False)
+    path = tmp_path / HEARTBEAT_NAME
+    good = json.loads(path.read_text())
+    path.write_text(json.dumps({**good, **damage}))
+    assert read_course(tmp_path) is None
+    path.write_text(json.dumps({key: value for key, value in good.items() if key not in ("earlier", "workers")}))
+    assert read_course(tmp_path) == Course(1, 0, 5, pytest.approx(good["seconds"]), 0.0, 0)  # of an older version

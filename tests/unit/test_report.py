@@ -21,6 +21,8 @@ from pilotgen.errors import FileError, IncompleteOutput
 from pilotgen.figures.study import Curve
 from pilotgen.report import findings, page, write_report
 from pilotgen.report.decks import MOST_DECKS, choose_front
+from pilotgen.runs.batch import Progress
+from pilotgen.runs.monitor import Monitor
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import apply_settings
 
@@ -177,6 +179,27 @@ def test_same_study_gives_the_same_bytes(made):
     before = (directory / "report.html").read_bytes()
     write_report(directory, mayo_study())
     assert (directory / "report.html").read_bytes() == before
+
+
+def test_how_the_run_went(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None):
+    study = mayo_study()
+    write_study(tmp_path, study, failed=(3, 12))
+    write_report(tmp_path, study)
+    assert "How the run went Not recorded" in page_of(tmp_path).text
+    now = [0.0]
+    for seconds, memory in ((100.0, 90_000_000), (20.0, 85_000_000)):  # the second one goes on
+        monitor = Monitor(tmp_path, clock=lambda: now[0])
+        now[0] += seconds
+        monitor(Progress(24, evaluated=12, cpu_s=0.6, workers=2, worker_memory_bytes=memory), False)
+        monitor.end("done")
+    write_report(tmp_path, study)
+    text = page_of(tmp_path).text
+    assert "runs 2, each going on from the one before" in text
+    assert "24 pilots in 2:00 of wall time rate 0.2 pilots per second CPU time per pilot 50 ms, solver included" in text
+    assert f"workers 2 largest worker 90 MB, solver included failed 2 at {FAILED['stage']}" in text
+    before = (tmp_path / "report.html").read_bytes()
+    write_report(tmp_path, study)
+    assert (tmp_path / "report.html").read_bytes() == before
 
 
 def test_nothing_is_left_over(made):
