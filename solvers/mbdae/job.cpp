@@ -150,10 +150,10 @@ void refuse_unused_options(Task task, const JobOptions& options) {
 void require_finite(const LinearisedModel& model) {
   const auto name = [&](Eigen::Index i) { return model.dofs.at(static_cast<std::size_t>(i)).name; };
   const std::pair<const char*, const Eigen::VectorXd*> vectors[] = {
-      {"y", &model.y}, {"ydot", &model.ydot}, {"residual", &model.residual}};
+      {"the unknown", &model.y}, {"the rate of", &model.ydot}, {"the residual of", &model.residual}};
   for (const auto& [what, vector] : vectors) {
     for (Eigen::Index i = 0; i < vector->size(); ++i) {
-      if (!std::isfinite((*vector)(i))) throw NotConverged(std::string(what) + " at " + name(i) + " is not finite");
+      if (!std::isfinite((*vector)(i))) throw NotConverged(std::string(what) + " " + name(i) + " has no finite value: " + kLookForNoNumber);
     }
   }
   const std::pair<const char*, const Eigen::MatrixXd*> matrices[] = {{"J(c)", &model.J_plus},

@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -209,6 +210,40 @@ def test_no_equilibrium_is_exit_code_2(mbdae: Path, tmp_path: Path) -> None:
     assert done.returncode == 2, done.stderr
     assert "free.mbd" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["free.mbd"]
+
+
+TOO_LARGE, ROOT = "mult, const, 1e200, const, 1e200", 'string, "sqrt(-Time)"'
+
+
+@pytest.mark.parametrize("place", ["force", "gravity", "joint"])
+@pytest.mark.parametrize(
+    ("analysis", "drive"),
+    [("static", TOO_LARGE), ("static", ROOT), ("eigen", TOO_LARGE), ("ida", TOO_LARGE), ("ida", ROOT),
+     ("ms", TOO_LARGE), ("ms", ROOT)],
+)  # fmt: skip
+def test_what_has_no_finite_value_is_told_in_words(
+    mbdae: Path, tmp_path: Path, analysis: str, drive: str, place: str
+) -> None:
+    text = pendulum(EIGEN if analysis == "eigen" else "", "model: static;" if analysis == "static" else "")
+    if place == "force":
+        text = text.replace("joints: 1;", "joints: 1; forces: 1;").replace(
+            "    gravity:", f"    force: 1, absolute, BOB, position, null, 0., 0., 1., {drive};\n    gravity:"
+        )
+    elif place == "gravity":
+        text = text.replace("const, 9.81", drive)
+    else:
+        pin = text.index("joint: 1, revolute pin")
+        total = (
+            "joint: 1, total pin joint, BOB, position, null, position, 0., 0., -2., position constraint, "
+            f"active, active, active, component, {drive}, const, 0., const, 0.;\n"
+        )
+        text = text[:pin] + total + text[text.index("    gravity:") :]
+    (tmp_path / "a.mbd").write_text(text)
+    done = run(mbdae, "a.mbd", *(["--integrator", "ms"] if analysis == "ms" else []), cwd=tmp_path)
+    assert done.returncode in (1, 2), done.stdout
+    told = done.stderr.lower()
+    assert "finite value" in told and "look for a drive" in told, told
+    assert not re.search(r"\b-?(nan|inf)\b|off by 0 |residuals 0\b", told), told
 
 
 def test_a_full_disk_is_told(mbdae: Path, deck: Path) -> None:

@@ -20,6 +20,10 @@ class NotConverged : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// What to do about an equation without a finite value; ends a message.
+inline constexpr const char* kLookForNoNumber =
+    "look for a drive without a value there (a root, logarithm or division), or for a number that is too large";
+
 /// The deck asks for something that the mechanics cannot do (message for a person).
 class ModelError : public std::runtime_error {
  public:

@@ -110,9 +110,13 @@ void leave_others(const Model& model, const Eigen::MatrixXd& Phi, Eigen::VectorX
   }
 }
 
+/// Refuses an equation that has no finite value.
+void require_number(const Model& model, int row, double value) {
+  if (!std::isfinite(value)) throw ModelError(model.equation_off(row, value) + ": " + kLookForNoNumber);
+}
+
 void note_worst(const Model& model, const Eigen::VectorXd& error, Correction* out) {
-  Eigen::Index worst = 0;
-  error.cwiseAbs().maxCoeff(&worst);
+  const Eigen::Index worst = worst_of(error);
   out->worst = model.reaction_start() + static_cast<int>(worst);
   out->violation = error(worst);
 }
@@ -142,25 +146,25 @@ void check_constraints(const Model& model, const State& state, bool velocities) 
 
   forget_genels(model, eq, rates);
 
-  int worst = -1;
-  double value = 0.0;
   const int first = model.reaction_start(), count = model.reaction_count();
   if (count == 0) return;
   const Eigen::VectorXd error = velocities ? Eigen::VectorXd(eq.g.tail(count)) : position_error(model, eq);
-  const double violation = error.cwiseAbs().maxCoeff(&worst);
-  if (!(violation <= kConstraintTolerance)) {
-    value = eq.g(first + worst);
+  auto worst = static_cast<int>(worst_of(error));
+  if (!(std::abs(error(worst)) <= kConstraintTolerance)) {
+    const double value = eq.g(first + worst);
+    require_number(model, first + worst, value);
     throw ModelError(model.equation_title(first + worst) + " is violated by " +
                      amount(value, model.equation_unit(first + worst)) + " (at most " +
                      amount(kConstraintTolerance, "") +
                      "allowed): correct the node positions and orientations or the joint's geometry");
   }
   if (!velocities) return;
-  const double speed = rates.rate.tail(count).cwiseAbs().maxCoeff(&worst);
-  if (!(speed <= kConstraintTolerance)) {
-    value = rates.rate(first + worst);
+  worst = static_cast<int>(worst_of(rates.rate.tail(count)));
+  const double speed = rates.rate(first + worst);
+  if (!(std::abs(speed) <= kConstraintTolerance)) {
+    require_number(model, first + worst, speed);
     throw ModelError("the initial velocities violate " + model.equation_title(first + worst) + " by " +
-                     amount(value, model.equation_unit(first + worst) + "/s") +
+                     amount(speed, model.equation_unit(first + worst) + "/s") +
                      ": give the nodes velocities that match, or a drive that starts with zero rate");
   }
 }
@@ -231,7 +235,10 @@ State consistent_state(Model& model, std::vector<std::string>& notes) {
   check_constraints(model, state, !find_velocities);
   if (!find_velocities || model.reaction_count() == 0) return state;
   Equations eq;  // most decks start at rest: no need to look for velocities
-  if (velocity_error(model, state, eq, false).cwiseAbs().maxCoeff() <= kConstraintTolerance) return state;
+  const Eigen::VectorXd open = velocity_error(model, state, eq, false);
+  const Eigen::Index worst = worst_of(open);
+  require_number(model, model.reaction_start() + static_cast<int>(worst), open(worst));
+  if (std::abs(open(worst)) <= kConstraintTolerance) return state;
   State matched = state;
   const Correction velocities = match_velocities(model, matched);
   if (!(std::abs(velocities.violation) > kConstraintTolerance)) return state;

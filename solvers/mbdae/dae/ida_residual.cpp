@@ -2,12 +2,18 @@
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-#include <sstream>
 
 #include "mbdae/dae/ida_equations.h"
+#include "mbdae/dae/linear_algebra.h"
 #include "mbdae/dae/quaternion_rates.h"
 
 namespace mbdae::ida_detail {
+
+namespace {
+
+constexpr double kHolds = 1e-12;  // residual that is not worth a word [N, N m, m, rad]
+
+}  // namespace
 
 int IdaEquations::residual(double t, N_Vector yy, N_Vector yp, N_Vector rr, void* self) {
   auto& s = *static_cast<IdaEquations*>(self);
@@ -34,15 +40,14 @@ int IdaEquations::mode_margins(double t, N_Vector yy, N_Vector yp, realtype* mar
 std::string IdaEquations::worst_equation(double t, const Values& y, const Values& ydot) {
   Eigen::VectorXd r(size_);
   evaluate(t, y, ydot, r);
-  int worst = 0;
-  r.segment(velocity_, motions_ + own_).cwiseAbs().maxCoeff(&worst);
+  const auto worst = static_cast<int>(worst_of(r.segment(velocity_, motions_ + own_)));
+  const double off = r(velocity_ + worst);
+  if (std::abs(off) <= kHolds) return "";
   int row = model_.scalar_start() + worst - motions_;
   for (const MotionGroup& group : model_.motions()) {
     if (worst >= group.motion && worst < group.motion + group.count) row = group.force + worst - group.motion;
   }
-  std::ostringstream out;
-  out << model_.equation_title(row) << " is off by " << r(velocity_ + worst) << " " << model_.equation_unit(row);
-  return out.str();
+  return model_.equation_off(row, off);
 }
 
 // Coordinates of motion of a flexible body: those of the node that carries it, then its own.

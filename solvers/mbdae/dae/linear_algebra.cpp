@@ -39,6 +39,20 @@ double condition_bound(const Eigen::MatrixXd& lu) {
 
 }  // namespace
 
+Eigen::Index worst_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  Eigen::Index worst = 0;
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    if (!std::isfinite(values(k))) return k;
+    if (std::abs(values(k)) > std::abs(values(worst))) worst = k;
+  }
+  return worst;
+}
+
+double norm_of(const Eigen::VectorXd& values) {
+  const double norm = values.norm();
+  return std::isfinite(norm) || !values.allFinite() ? norm : values.stableNorm();
+}
+
 bool all_finite(const double* data, Eigen::Index size) {
   const Eigen::Map<const Eigen::ArrayXd> x(data, size);
   return (x - x).sum() == 0.0;  // a difference is zero, or NaN, and then the sum is

@@ -17,6 +17,12 @@ namespace mbdae {
 /// True if none of the numbers is infinite or NaN. Eigen's allFinite asks for each one by itself.
 bool all_finite(const double* data, Eigen::Index size);
 
+/// Index of the first number that is infinite or NaN, else of the largest by magnitude; 0 of none.
+Eigen::Index worst_of(const Eigen::Ref<const Eigen::VectorXd>& values);
+
+/// 2-norm; of finite numbers it is finite, even if their squares are not.
+double norm_of(const Eigen::VectorXd& values);
+
 /// True if the factorised matrix is singular to working precision.
 bool is_singular(const Eigen::PartialPivLU<Eigen::MatrixXd>& lu);
 

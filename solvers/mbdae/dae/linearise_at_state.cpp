@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "mbdae/dae/linear_algebra.h"
+
 namespace mbdae {
 
 namespace {
@@ -113,7 +115,7 @@ LinearisedModel linearise_at_state(const Model& model, State& state, double c, c
   model.set_modal_rates(state, at_rest);
   model.assemble(state, eq, true);
   out.equilibrium_residual = eq.g;
-  out.residual_norm = eq.g.norm();
+  out.residual_norm = norm_of(eq.g);
   for (const NodeSlot& slot : model.slots()) {
     const NodeMotion& motion = motion_of(state, slot);
     state.ydot.segment<3>(slot.first) = motion.v;

@@ -143,20 +143,15 @@ class Stepper {
       for (int k = 0; k < first; ++k) (model_.algebraic(k) ? next.state.y : rate)(k) -= delta(k);
       next.state.y.tail(count) -= delta.tail(count);
     }
-    int worst = 0;
-    eq_.g.cwiseAbs().maxCoeff(&worst);
+    const auto worst = static_cast<int>(worst_of(eq_.g));
     std::ostringstream out;
     out << "time step to t = " << next.state.t << " s did not converge";
     if (std::isfinite(norm)) {
       out << " in " << settings_.max_iterations << " iterations (residual " << norm << ", wanted "
-          << settings_.tolerance << "): " << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " "
-          << model_.equation_unit(worst);
-    } else {
-      Eigen::Index first = 0;
-      while (first + 1 < eq_.g.size() && std::isfinite(eq_.g(first))) ++first;
-      out << ": " << model_.equation_title(static_cast<int>(first)) << " has no finite value";
+          << settings_.tolerance << ")";
     }
-    out << "; use a shorter time step";
+    out << ": " << model_.equation_off(worst, eq_.g(worst)) << "; use a shorter time step";
+    if (!std::isfinite(norm)) out << ", or " << kLookForNoNumber;
     throw NotConverged(out.str());
   }
 

@@ -165,30 +165,29 @@ bool StaticSolver::homotopy() {
 
 double StaticSolver::unbalance(const State& state) {
   model_.assemble_statics(state, eq_, false);
-  return eq_.g.norm();
+  return norm_of(eq_.g);
 }
 
 std::string StaticSolver::worst_equation() {
-  int worst = 0;
   const Eigen::VectorXd scaled = eq_.g.cwiseProduct(Eigen::Map<Eigen::VectorXd>(N_VGetArrayPointer(scale_.get()), n_));
-  scaled.cwiseAbs().maxCoeff(&worst);
-  std::ostringstream out;
-  out.precision(3);
-  out << model_.equation_title(worst) << " is off by " << eq_.g(worst) << " " << model_.equation_unit(worst);
-  return out.str();
+  const auto worst = static_cast<int>(worst_of(scaled));
+  return model_.equation_off(worst, eq_.g(worst));
 }
 
 void StaticSolver::solve_at(double t) {
   const State before = state_;
   state_.t = t;
   model_.set_reference(state_);
-  bool converged = newton();
+  bool converged = newton(), finite = true;
   std::string where;
   if (!converged) {
-    const double unbalanced = unbalance(state_);
-    std::ostringstream norm;
-    norm << unbalanced;
-    where = worst_equation() + " (norm of all residuals " + norm.str() + ")";
+    finite = std::isfinite(unbalance(state_));
+    where = worst_equation();
+    if (finite) {
+      std::ostringstream norm;
+      norm << norm_of(eq_.g);
+      where += " (norm of all residuals " + norm.str() + ")";
+    }
     state_ = before;
     state_.t = t;
     converged = homotopy();
@@ -202,9 +201,13 @@ void StaticSolver::solve_at(double t) {
   if (!converged) {
     state_ = before;
     std::ostringstream out;
-    out << "static equilibrium not found at time " << t << " s: " << where
-        << "; load stepping did not help. Give a configuration closer to equilibrium, or check that springs or "
-           "constraints hold every node";
+    out << "static equilibrium not found at time " << t << " s: " << where;
+    if (finite) {
+      out << "; load stepping did not help. Give a configuration closer to equilibrium, or check that springs or "
+             "constraints hold every node";
+    } else {
+      out << "; " << kLookForNoNumber;
+    }
     throw NotConverged(out.str());
   }
 }

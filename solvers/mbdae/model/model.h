@@ -156,6 +156,9 @@ class Model {
   std::string equation_title(int k) const;
   std::string equation_unit(int k) const;
 
+  /// How far it is from holding: `force equilibrium of hand_l along x is off by 3 N`, or `... has no finite value`.
+  std::string equation_off(int k, double value) const;
+
  private:
   struct Place {
     int node = -1, component = 0;  // component within the node's or joint's block

@@ -2,6 +2,7 @@
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include <array>
+#include <cmath>
 #include <sstream>
 
 #include "mbdae/model/model.h"
@@ -115,7 +116,7 @@ int Model::equation_group(const Place& p) const {
 }
 
 std::string Model::equation_title(int k) const {
-  static constexpr std::array<const char*, 6> kEquations{"momentum definition", "momenta moment definition",
+  static constexpr std::array<const char*, 6> kEquations{"momentum definition", "angular momentum definition",
                                                          "force equilibrium",   "moment equilibrium",
                                                          "velocity definition", "angular velocity definition"};
   const Place p = place(k);
@@ -141,6 +142,14 @@ std::string Model::equation_title(int k) const {
   const ConstraintEntry& entry = constraints_[static_cast<std::size_t>(p.constraint)];
   out << "constraint " << p.component + 1 << " of " << entry.constraint->size() << " of "
       << kind_and_name(entry.data->type->card == CardKind::genel ? "genel" : "joint", joint_title(*entry.data));
+  return out.str();
+}
+
+std::string Model::equation_off(int k, double value) const {
+  if (!std::isfinite(value)) return equation_title(k) + " has no finite value";
+  std::ostringstream out;
+  out.precision(3);
+  out << equation_title(k) << " is off by " << value << " " << equation_unit(k);
   return out.str();
 }
 
