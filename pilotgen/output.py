@@ -174,14 +174,16 @@ class _Contents:
             self.refuse_strangers(kind, resume)
             return set()
         is_study, was_study = kind in (*STUDY_KINDS, *PAGES), self.mark.kind in STUDY_KINDS
-        if was_study and is_study and not resume:
+        if was_study and is_study and not resume and kind in (self.mark.kind, *PAGES):
             raise FileError(
                 f"{self.directory} already holds a study; add --resume to go on with it (finished evaluations are "
                 f"kept), or choose another output directory, or add --overwrite, which moves this one aside"
             )
         of_pilot = kind == "view" and self.mark.kind == "pilot"
         if self.mark.kind != kind and not (kind in PAGES and was_study) and not of_pilot:
-            what = "already holds a study" if was_study else f"holds what `pilotgen {self.mark.kind}` wrote"
+            what = f"holds what `pilotgen {self.mark.kind}` wrote"
+            if was_study:
+                what = "already holds a study" + (f", that of `pilotgen {self.mark.kind}`" if is_study else "")
             raise FileError(f"{self.directory} {what}; {_WAY_OUT}")
         if self.mark.complete:
             others = {path for path in self.paths if path not in self.hashes}

@@ -77,8 +77,9 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.output import claimed
 
     for option in OF_DRAWS:
-        given = getattr(args, option.lstrip("-").replace("-", "_") if option != "-n" else "number")
-        if given not in (None, False, "processes") and not args.uncertain:
+        name = "number" if option == "-n" else option.removeprefix("--").replace("-", "_")
+        given = getattr(args, name)
+        if not (args.uncertain or given is None or given is False or given == "processes"):
             raise StudyError(f"{option} is for --uncertain; add that, or leave {option} out")
     study, values = common.read_pilot(args)
     options = common.run_options(args, study)

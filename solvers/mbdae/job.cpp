@@ -153,7 +153,8 @@ void require_finite(const LinearisedModel& model) {
       {"the unknown", &model.y}, {"the rate of", &model.ydot}, {"the residual of", &model.residual}};
   for (const auto& [what, vector] : vectors) {
     for (Eigen::Index i = 0; i < vector->size(); ++i) {
-      if (!std::isfinite((*vector)(i))) throw NotConverged(std::string(what) + " " + name(i) + " has no finite value: " + kLookForNoNumber);
+      if (!std::isfinite((*vector)(i)))
+        throw NotConverged(std::string(what) + " " + name(i) + " has no finite value: " + kLookForNoNumber);
     }
   }
   const std::pair<const char*, const Eigen::MatrixXd*> matrices[] = {{"J(c)", &model.J_plus},

@@ -14,6 +14,10 @@ STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 RUNS = {
     "population": (("population", STUDIES / "puma-population.yaml", "-n", "24"), ("people.csv", "population.json")),
     "rare": (("population", STUDIES / "puma-population.yaml", "--rare", "unstable", "-n", "100"), ("rare.json",)),
+    "uncertain": (
+        ("pilot", STUDIES / "puma-robust.yaml", "--uncertain", "-n", "24", "--no-figures"),
+        ("uncertain.json", "uncertain.csv"),
+    ),
     "surrogate": (("sensitivity", STUDIES / "puma-sensitivity.yaml", "--surrogate", "-n", "24"), ("sensitivity.json",)),
 }
 

@@ -103,6 +103,12 @@ def test_a_study_needs_resume(tmp_path: Path) -> None:
         assert directory == tmp_path
     mark = read_mark(tmp_path)
     assert mark is not None and set(mark.files) == {"study.h5"}
+    for resume in (False, True):  # no advice that would be refused as well
+        with (
+            pytest.raises(FileError, match="already holds a study, that of `pilotgen search`; choose"),
+            claimed(tmp_path, "sample", STUDY_FILES, resume),
+        ):
+            raise AssertionError
     with pytest.raises(FileError, match="already holds a study; choose"), claimed(tmp_path, "pilot", DECKS):
         pass
 
@@ -161,3 +167,24 @@ def test_nothing_of_an_earlier_run_stands_beside_the_results(tmp_path: Path) -> 
     (tmp_path / "notes.txt").touch()
     write_deck(tmp_path)
     assert sorted(path.name for path in tmp_path.glob("[!.]*")) == ["notes.txt", "pilot.mbd"]
+
+
+def test_draws_that_were_interrupted_are_not_lost(tmp_path: Path) -> None:
+    files = ("*.mbd", "journal.sqlite*")
+
+    def draw(interrupted: bool = False, **options: bool) -> str:
+        with claimed(tmp_path, "pilot", files, **options) as place:
+            journal = place / "journal.sqlite"
+            before = journal.read_text() if journal.exists() else ""
+            journal.write_text(f"{before}draws ")
+            if interrupted:
+                raise KeyboardInterrupt
+        return before
+
+    with pytest.raises(KeyboardInterrupt):
+        draw(interrupted=True)
+    with pytest.raises(FileError, match="holds draws of a pilot that were interrupted; add --resume"):
+        draw()
+    assert draw(resume=True) == "draws "
+    assert draw(resume=True) == "draws draws "  # with more draws, for example
+    assert draw() == ""  # a pilot that is complete is replaced, as ever

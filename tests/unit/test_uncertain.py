@@ -191,8 +191,25 @@ def test_two_workers_draw_the_same(run: Run, tmp_path: Path) -> None:
         )
         assert code == 0, err
         assert not list(directory.glob("*.png"))
+    for number, more in ((3, ()), (6, ("--resume", "--log", tmp_path / "log.jsonl"))):
+        options = ("-o", tmp_path / "grown", "--workers", 1, "--no-figures")
+        code, _, err = run(tmp_path / "s.yaml", "--uncertain", "-n", number, *options, *more)
+        assert code == 0, err
+    end = json.loads((tmp_path / "log.jsonl").read_text().splitlines()[-1])
+    assert (end["event"], end["evaluated"], end["served"]) == ("end", 3, 3)
     for name in ("uncertain.json", "uncertain.csv"):
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "grown" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "option",
+    [("-n", 10), ("--workers", 2), ("--resume",), ("--max-failures", 0), ("--executor", "dask"), ("--log", "a.jsonl")],
+)
+def test_options_of_draws_are_for_draws(run: Run, tmp_path: Path, option: tuple[object, ...]) -> None:
+    (tmp_path / "s.yaml").write_text(STUDY)
+    code, _, err = run(tmp_path / "s.yaml", *option, "-o", tmp_path / "a")
+    assert code == 1 and f"{option[0]} is for --uncertain; add that" in err and not (tmp_path / "a").exists()
 
 
 def test_what_cannot_be_drawn_leaves_nothing(run: Run, tmp_path: Path) -> None:
@@ -200,8 +217,6 @@ def test_what_cannot_be_drawn_leaves_nothing(run: Run, tmp_path: Path) -> None:
     code, _, err = run(tmp_path / "none.yaml", "--uncertain", "-o", tmp_path / "a")
     assert code == 1 and "has no section uncertain; add one" in err and not (tmp_path / "a").exists()
     (tmp_path / "s.yaml").write_text(STUDY)
-    code, _, err = run(tmp_path / "s.yaml", "-n", 10, "-o", tmp_path / "a")
-    assert code == 1 and "-n is for --uncertain; add that, or leave -n out" in err and not (tmp_path / "a").exists()
     (tmp_path / "cushion.yaml").write_text(f"{MULTIBODY}uncertain: cushion\n")
     settings = ("--set", "pilot.torso.model=rigid")
     code, _, err = run(tmp_path / "cushion.yaml", "--uncertain", "-o", tmp_path / "a", *settings)

@@ -105,8 +105,7 @@ class Ida {
     const std::string where = equations_.worst_equation(t_, y(), ydot());
     if (flag == IDA_ROOT_RETURN) {
       throw NotConverged("time integration stopped at t = " + time_text(t_) + " s: friction chatters" +
-                         (where.empty() ? "" : " (" + where + ")") +
-                         "; loosen the tolerances, or integrate with `ms`");
+                         (where.empty() ? "" : " (" + where + ")") + "; loosen the tolerances, or integrate with `ms`");
     }
     const std::unique_ptr<char, void (*)(void*)> name(IDAGetReturnFlagName(flag), std::free);
     const std::string stopped = "time integration stopped at t = " + time_text(t_) + " s (" + name.get() + "): ";
@@ -114,9 +113,10 @@ class Ida {
       throw NotConverged(stopped + (where.empty() ? "just after it the equations have no finite value" : where) + "; " +
                          kLookForNoNumber);
     }
-    throw NotConverged(stopped + (where.empty() ? "all equations hold there, but no step leads on" : where) +
-                       "; loosen the tolerances, or look for a motion that the joints do not allow, or one that nothing "
-                       "determines (a body without mass that nothing holds)");
+    throw NotConverged(
+        stopped + (where.empty() ? "all equations hold there, but no step leads on" : where) +
+        "; loosen the tolerances, or look for a motion that the joints do not allow, or one that nothing "
+        "determines (a body without mass that nothing holds)");
   }
 
  private:
