@@ -279,10 +279,14 @@ def check_study(study: Study) -> None:
     if study.pilot.model != "multibody":
         raise StudyError(f"{name}: pilot.model = {study.pilot.model!r} has no deck; use a multibody pilot")
     if not study.loop.usual:
-        raise StudyError(f"{name}: loop = {study.loop.words}: the deck of a closed loop is heave by the collective")
-    if not study.loop.usual:
         raise StudyError(
             f"{name}: loop = {study.loop.words} is not closed in a deck; only heave by the collective is, remove loop"
+        )
+    if study.rotorcraft.frequency_response is not None:
+        raise StudyError(
+            f"{name}: rotorcraft.frequency_response = {study.rotorcraft.frequency_response}: a response has no "
+            "equations for a deck; give rotorcraft.state_space, rotorcraft.transfer_function or the numbers of the "
+            "heave model (margins and cures need none of these: pilotgen pilot, search, cures)"
         )
     if study.pilot.projection != "exact":
         raise StudyError(f"{name}: pilot.projection = 'literal' is a formula that no deck obeys; use exact")

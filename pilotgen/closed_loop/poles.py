@@ -18,12 +18,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pilotgen.closed_loop.deck import SEAT_REACTION, ClosedLoop
-from pilotgen.errors import EvaluationError
+from pilotgen.errors import EvaluationError, StudyError
 from pilotgen.evaluation import EvaluationContext, feedthrough_of
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import heave_loop
 from pilotgen.loop.margins import margins
-from pilotgen.loop.rotorcraft_model import Chained
+from pilotgen.loop.rotorcraft_model import Chained, RotorcraftModel, measured_part
 from pilotgen.solver.descriptor import Complexes
 from pilotgen.solver.matrices import Matrices
 
@@ -98,19 +98,40 @@ def eigenvalues(matrices: Matrices) -> Complexes:
     return np.asarray(lam[np.isfinite(lam) & (np.abs(lam) < _FAR)])
 
 
+def why_unstable(helicopter: RotorcraftModel) -> str | None:
+    """`a pole at +0.3 1/s, 0.05 Hz`, or how many such its file says it has; None of a rotorcraft that is stable."""
+    data = measured_part(helicopter)
+    if data is not None:
+        return f"{data.path} says unstable_poles: {data.unstable_poles}" if data.unstable_poles else None
+    return _growing(helicopter.state_space.poles)
+
+
 def open_loop_note(loop: ClosedLoop) -> str | None:
     """One sentence if the loop is unstable even when it is cut; None if it is not."""
     assert loop.pilot.matrices is not None
-    parts = {"pilot": eigenvalues(loop.pilot.matrices), "rotorcraft": loop.helicopter.state_space.poles}
-    for part, poles in parts.items():
-        worst = complex(poles[int(np.argmax(poles.real))]) if len(poles) else 0j
-        if worst.real > _SMALL:
+    parts = {"pilot": _growing(eigenvalues(loop.pilot.matrices)), "rotorcraft": why_unstable(loop.helicopter)}
+    for part, why in parts.items():
+        if why is not None:
             return (
-                f"the open loop is unstable: the {part} has a pole at {worst.real:+.3g} 1/s, "
-                f"{abs(worst.imag) / (2.0 * math.pi):.3g} Hz; motions grow without any pilot-rotorcraft coupling, and "
-                "Nyquist curves must go round -1 once for each such pole"
+                f"the open loop is unstable: the {part} has {why}; motions grow without any pilot-rotorcraft coupling, "
+                "and Nyquist curves must go round -1 once for each such pole"
             )
     return None
+
+
+def check_open_loop(loop: ClosedLoop, so: str) -> None:
+    """Refuse a loop that is unstable even when it is cut, saying `so`, what that makes impossible; StudyError."""
+    note = open_loop_note(loop)
+    if note is not None:
+        name = loop.study.path or loop.study.name
+        raise StudyError(f"{name}: {note.partition(';')[0]}; {so}")
+
+
+def _growing(poles: Complexes) -> str | None:
+    worst = complex(poles[int(np.argmax(poles.real))]) if len(poles) else 0j
+    if worst.real <= _SMALL:
+        return None
+    return f"a pole at {worst.real:+.3g} 1/s, {abs(worst.imag) / (2.0 * math.pi):.3g} Hz"
 
 
 def compare_poles(context: EvaluationContext, loop: ClosedLoop, where: Path, text: str | None = None) -> PoleTable:

@@ -21,7 +21,7 @@ from pilotgen.closed_loop.deck import START_S, ClosedLoop, Disturbance, friction
 from pilotgen.closed_loop.poles import eigenvalues
 from pilotgen.decks.text import number
 from pilotgen.decks.vehicle import Friction
-from pilotgen.errors import EvaluationError, MatrixError, PilotgenError, SolverError
+from pilotgen.errors import EvaluationError, MatrixError, SolverError
 from pilotgen.evaluation import EvaluationContext
 from pilotgen.files import write_text
 from pilotgen.hdf5 import opened, text
@@ -141,16 +141,6 @@ def turbulence(rms_m_s: float, seed: int) -> str:
         for t, frequency, a in zip(early.tolist(), f.tolist(), amplitude.tolist(), strict=True)
     ]
     return smooth(f"array, {len(lines)},\n\t" + ",\n\t".join(lines))
-
-
-def check_kick(loop: ClosedLoop, kind: str, size: float) -> None:
-    """Refuse a pull that wants the lever beyond its stops; PilotgenError."""
-    low, high = loop.travel_to_stops_m()
-    if kind == "pull" and not low <= size <= high:
-        raise PilotgenError(
-            f"a pull of {size:g} m wants the lever beyond its stops, which are {1e3 * low:.0f} and {1e3 * high:.0f} mm "
-            "from its place; give less (--size), or another inceptor.position"
-        )
 
 
 def simulate(
@@ -429,7 +419,10 @@ def kicked(
     )
     lam = eigenvalues(loop.linearise(context, loop.deck(), Path(context.scratch)))
     swings = lam[(lam.imag > 2.0 * math.pi) & (lam.imag < 20.0 * math.pi)]
-    found = None if kind == "turbulence" else fit(motion, free_from(kind, pulse_s) + SETTLING_S, duration_s)
+    last = swing(motion, 0.75 * duration_s, duration_s)
+    stuck = friction is not None and last < QUIET_M  # no oscillation is left, whatever exponentials say
+    fitted = kind != "turbulence" and not stuck
+    found = fit(motion, free_from(kind, pulse_s) + SETTLING_S, duration_s) if fitted else None
     content: dict[str, Any] = {
         "kick": {"kind": kind, "size": size, "unit": KICKS[kind][0], "pulse_s": pulse_s or KICKS[kind][2]},
         "duration_s": duration_s,
@@ -440,7 +433,7 @@ def kicked(
         "largest_seat_acceleration_m_s2": float(np.abs(motion.acceleration).max()),
         "share_of_activations_at_their_ends": motion.clipped,
         "hits_stop": motion.hits_stop,
-        "swing_at_the_end_mm": 1e3 * swing(motion, 0.75 * duration_s, duration_s),
+        "swing_at_the_end_mm": 1e3 * last,
         "goes_on": None if kind == "turbulence" else grows(motion),
         "fit": None,
     }
@@ -459,14 +452,19 @@ def kicked(
 def report_text(content: dict[str, Any]) -> str:
     """A few lines for a person."""
     kick = content["kick"]
-    end = {True: "goes on", False: "dies away", None: "lasts as long as the air moves"}[content["goes_on"]]
+    lasts = (
+        "is the rotorcraft's own, unstable by itself" if "open_loop" in content else "lasts as long as the air moves"
+    )
+    end = {True: "goes on", False: "dies away", None: lasts}[content["goes_on"]]
     lines = [
         f"kick       {kick['kind']}, {kick['size']:g} {kick['unit']}"
         + (f", pulse of {kick['pulse_s']:g} s" if kick["kind"] != "turbulence" else ""),
         f"motion     {end}; grip up to {content['largest_grip_travel_mm']:.3g} mm, seat up to "
         f"{content['largest_seat_acceleration_m_s2'] / 9.81:.2g} g",
     ]
-    if content["hits_stop"]:
+    if content["hits_stop"] and content["linear"]:
+        lines.append("lever      goes beyond a stop, of which --linear has none: no lever does that")
+    elif content["hits_stop"]:
         lines.append("lever      meets a stop: what follows is no linear motion, and no flight either")
     if not content["linear"]:
         share = 100.0 * content["share_of_activations_at_their_ends"]

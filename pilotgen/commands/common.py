@@ -218,6 +218,17 @@ def non_negative_float(text: str) -> float:
     return value
 
 
+def any_float(text: str) -> float:
+    """Type of an argument: a number of either sign."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} must be a finite number")
+    return value
+
+
 def positive_float(text: str) -> float:
     """Type of an argument: a number greater than zero."""
     try:

@@ -17,7 +17,7 @@ from pilotgen.files import to_json
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
-WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map.png", "journal.sqlite*")
+WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map*.png", "journal.sqlite*")
 
 
 def add_parser(commands: Any) -> None:
@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> None:
     parser = common.add_command(
         commands,
         "cures",
-        "tell what cures bounce: damper, balance weight, gearing, seat, filters",
+        "tell what cures bounce: damper, balance weight, friction, gearing, seat, filters",
         "Breeds the worst pilot of the study's search box, tries every cure alone on him and on the nominal pilot, and "
         "looks for the cheapest combination that keeps the study's limits; worst pilots are bred anew for the cured "
         "cockpit until none misses them. Leaves cures.json, figures, and cured.yaml, the study with the proposed "
@@ -40,6 +40,23 @@ def add_parser(commands: Any) -> None:
         "--only", metavar="CURE", nargs="+", default=[], help="these cures alone (docs/io_formats/cures.md)"
     )
     parser.add_argument("--without", metavar="CURE", nargs="+", default=[], help="all cures but these")
+    parser.add_argument(
+        "--map",
+        dest="maps",
+        metavar=("CURE", "CURE"),
+        nargs=2,
+        action="append",
+        default=[],
+        help="margins of the worst and the nominal pilot over these two cures, 20 by 20, with the lines of the limits; "
+        "may be repeated (default: over the two that buy most)",
+    )
+    parser.add_argument(
+        "--swing",
+        metavar="MM",
+        type=common.positive_float,
+        default=None,
+        help="amplitude of the grip for which friction is told: what it buys depends on it (default: 10 mm)",
+    )
     parser.add_argument(
         "--people",
         metavar="N",
@@ -59,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
+    from pilotgen.cures.friction import SWING_MM
     from pilotgen.runs.cures_study import cures_study
     from pilotgen.study.study import read_study
 
@@ -79,6 +97,8 @@ def run(args: argparse.Namespace) -> int:
             options,
             show,
             say,
+            args.maps,
+            SWING_MM if args.swing is None else args.swing,
         )
         if not args.no_figures:
             draw(done.content, directory)
@@ -96,15 +116,22 @@ def draw(content: Mapping[str, Any], directory: Path) -> None:
     from pilotgen.figures.style import save
 
     save(figures.each_alone(content), directory / "cures.png")
-    if content["maps"]:
-        save(figures.cure_map(content), directory / "cure_map.png")
+    pairs = list(dict.fromkeys((found["x"]["key"], found["y"]["key"]) for found in content["maps"]))
+    drawn = {directory / f"cure_map-{x}-{y}.png": (x, y) for x, y in pairs}
+    for path in directory.glob("cure_map*.png"):  # of a run with other maps that this one goes on with
+        if path not in drawn:
+            path.unlink()
+    for path, pair in drawn.items():
+        save(figures.cure_map(content, pair), path)
 
 
 def lines(content: Mapping[str, Any]) -> list[str]:
     """What cures, as a sentence and tables."""
     told = [content["sentence"], "", "each alone, as far as is practicable:"]
     for row in content["cures"]:
-        told.append(f"  {row['best']['worst']['sentence']}" + ("" if row["remedy"] else " (an influence, no remedy)"))
+        why = "" if row["remedy"] else " (an influence, no remedy)"
+        told.append(f"  {row['best']['worst']['sentence']}{why}")
+        told += _growing(row)
     told += ["", f"{'pilot':18} {'before':>28}   {'after':>28}"]
     for row in content["proposal"]["pilots"]:
         told.append(f"{row['name']:18} {_margins(row['before']):>28}   {_margins(row['after']):>28}")
@@ -113,9 +140,27 @@ def lines(content: Mapping[str, Any]) -> list[str]:
     if people is not None:
         shares = [people[when]["missing_a_limit"] for when in ("before", "after")]
         told += ["", "people who miss a limit: " + ", ".join(_share(s) for s in shares) + " (before, after)"]
+    if content["maps"]:
+        told += ["", "maps:", *(f"  {found['sentence']}" for found in content["maps"])]
     changes = content["proposal"]["changes"]
     if changes:
         told += ["", "as settings: " + " ".join(f"{path}={value:.6g}" for path, value in changes.items())]
+    return told
+
+
+def _growing(row: Mapping[str, Any]) -> list[str]:
+    """How large a swing friction allows a loop that is unstable without, by the friction."""
+    told = []
+    for name, swings in row.get("smallest_swing_that_grows_mm", {}).items():
+        if swings is not None:
+            cells = [
+                f"{amount:.0f} N {'-' if mm is None else f'{mm:.3g}'}"
+                for amount, mm in zip(row["amounts"], swings, strict=True)
+            ]
+            told.append(
+                f"    {name} pilot, unstable without: smallest swing that grows [mm; -: none within the stops]:"
+            )
+            told.append(f"    {', '.join(cells)}")
     return told
 
 
@@ -131,7 +176,17 @@ def _kicked(found: Mapping[str, Any] | None) -> list[str]:
         decay = "" if fit is None else f", {fit['frequency_hz']:.2f} Hz, growth {fit['growth_rad_s']:+.2f} per s"
         most, last = row["largest_grip_travel_mm"], row["swing_at_the_end_mm"]
         rows.append(f"{when}: {most:.1f} mm at most, {last:.3f} mm at the end{decay}")
-    return ["", f"the {found['pilot']} pilot's grip after a kick of {found['kick_n']:g} N: " + "; ".join(rows)]
+    told = ["", f"the {found['pilot']} pilot's grip after a kick of {found['kick_n']:g} N:", *(f"  {r}" for r in rows)]
+    between = found.get("kicks_with_friction")
+    if between is not None:
+        dies, goes = between["largest_that_dies_n"], between["smallest_that_goes_on_n"]
+        low, high = between["tried_n"]
+        if dies is not None:
+            told.append(f"  with the friction kicks die up to {dies:.3g} N and go on from {goes:.3g} N")
+        else:
+            end = "dies" if between["all_die"] else "goes on"
+            told.append(f"  with the friction every kick that was tried, {low:g} to {high:g} N, {end}")
+    return told
 
 
 def _margins(told: Mapping[str, Any]) -> str:

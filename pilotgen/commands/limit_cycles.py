@@ -9,10 +9,10 @@ import argparse
 import sys
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
-WRITES = ("*.mbd", "*.fem", "*.h5", "*.log", "*.out", "limit_cycles.json", "growth.png", "nyquist.png", "onset.png")
+WRITES = ("limit_cycles.json", "growth.png", "nyquist.png", "onset.png")
 FRICTIONS_N = (0.0, 2.0, 5.0, 10.0, 20.0, 36.0, 66.0)
 
 
@@ -28,10 +28,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen limit-cycles docs/studies/puma-friction.yaml -o results/cycles",
         json_help="print the content of limit_cycles.json instead of the summary",
     )
-    common.add_study(parser)
-    common.add_output(parser)
-    common.add_settings(parser)
-    common.add_mbdae(parser)
+    closed_loop.add_arguments(parser)
     parser.add_argument(
         "--harmonics", metavar="K", type=int, choices=range(1, 10), default=5, help="of limit cycles (default: 5)"
     )
@@ -71,33 +68,25 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Balance, verify, write, print."""
-    from pilotgen.errors import StudyError
-    from pilotgen.runs.executor import pin_threads
-
-    pin_threads()
-    from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
+    from pilotgen.closed_loop.deck import friction_of
     from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, prepare, report_text
-    from pilotgen.closed_loop.poles import open_loop_note
+    from pilotgen.closed_loop.poles import check_open_loop
     from pilotgen.closed_loop.threshold import threshold
     from pilotgen.decks.vehicle import Friction
-    from pilotgen.evaluation import EvaluationContext
-    from pilotgen.output import claimed
+    from pilotgen.errors import StudyError
     from pilotgen.progress_line import ProgressLine
 
-    study, values = common.read_pilot(args)
-    check_study(study)
     if not args.map and (args.frictions or args.gearings):
         raise StudyError("--frictions and --gearings are of the map; add --map, or leave them out")
-    with (
-        EvaluationContext(study, mbdae=args.mbdae) as context,
-        claimed(args.output, "limit-cycles", WRITES, overwrite=args.overwrite) as directory,
-    ):
+    with closed_loop.opened(args, "limit-cycles", WRITES) as opened:
+        study, context, directory, loop = opened.study, opened.context, opened.directory, opened.loop
+        check_open_loop(
+            loop,
+            "a lever that friction holds cuts the loop, so that no swing of it dies; give the rotorcraft with what "
+            "stabilises it, or look at one motion with pilotgen simulate",
+        )
         line = ProgressLine(total=0, quiet=args.quiet or args.json)
         try:
-            loop = close_in_deck(context, values, directory)
-            note = open_loop_note(loop)
-            if note:
-                common.say(note)
             friction = friction_of(loop.study)
             line.update("growth by amplitude")
             prepared = prepare(context, loop, geometry=not args.no_geometry)
@@ -120,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
                 )
         finally:
             line.finish()
-        content = {"study": study.name, "values": values, **as_dict(found, prepared, kicked, grid)}
+        content = {"study": study.name, "values": opened.values, **as_dict(found, prepared, kicked, grid)}
         write_text(directory / "limit_cycles.json", to_json(content))
         if not args.no_figures:
             from pilotgen.figures import limit_cycles as figures

@@ -9,10 +9,10 @@ import argparse
 import sys
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
-WRITES = ("*.mbd", "*.fem", "*.h5", "*.nc", "*.log", "*.out", "loop.json")
+WRITES = ("*.nc", "loop.json")
 
 
 def add_parser(commands: Any) -> None:
@@ -28,10 +28,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen loop docs/studies/puma-bmi.yaml -o results/loop --set stature_m=1.95",
         json_help="print the content of loop.json instead of the table",
     )
-    common.add_study(parser)
-    common.add_output(parser)
-    common.add_settings(parser)
-    common.add_mbdae(parser)
+    closed_loop.add_arguments(parser)
     parser.add_argument(
         "--two-way",
         action="store_true",
@@ -42,23 +39,12 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write, linearise, compare."""
-    from pilotgen.runs.executor import pin_threads
-
-    pin_threads()
-    from pilotgen.closed_loop.deck import check_study, close_in_deck
     from pilotgen.closed_loop.poles import compare_poles, open_loop_note, summary, table_text
-    from pilotgen.evaluation import EvaluationContext
-    from pilotgen.output import claimed
 
-    study, values = common.read_pilot(args)
-    check_study(study)
-    with (
-        EvaluationContext(study, mbdae=args.mbdae) as context,
-        claimed(args.output, "loop", WRITES, overwrite=args.overwrite) as directory,
-    ):
-        loop = close_in_deck(context, values, directory, two_way=args.two_way)
-        table = compare_poles(context, loop, directory)
-        content = {"study": study.name, "values": values, "two_way": args.two_way, **summary(table)}
+    with closed_loop.opened(args, "loop", WRITES, args.two_way) as opened:
+        loop, directory = opened.loop, opened.directory
+        table = compare_poles(opened.context, loop, directory)
+        content = {"study": opened.study.name, "values": opened.values, "two_way": args.two_way, **summary(table)}
         write_text(directory / "loop.json", to_json(content))
         if args.json:
             sys.stdout.write(to_json(content))

@@ -9,10 +9,10 @@ import argparse
 import sys
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
-WRITES = ("*.mbd", "*.fem", "*.h5", "*.log", "*.out", "simulation.json", "history.png", "onset.png")
+WRITES = ("simulation.json", "history.png", "onset.png")
 
 
 def add_parser(commands: Any) -> None:
@@ -27,10 +27,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen simulate docs/studies/puma-bmi.yaml -o results/kicked --kick lever --size 20",
         json_help="print the content of simulation.json instead of the summary",
     )
-    common.add_study(parser)
-    common.add_output(parser)
-    common.add_settings(parser)
-    common.add_mbdae(parser)
+    closed_loop.add_arguments(parser)
     parser.add_argument(
         "--kick",
         choices=("lever", "gust", "pull", "turbulence"),
@@ -38,7 +35,17 @@ def add_parser(commands: Any) -> None:
         help="a pulse of force at the grip [N], of rising air [m/s], of the grip travel that the pilot wants [m], or "
         "turbulence of 0.1 to 10 Hz [m/s rms] (default: lever)",
     )
-    parser.add_argument("--size", type=common.positive_float, default=None, help="of the kick; default: 20, 3, 0.03, 1")
+    parser.add_argument(
+        "--size",
+        type=common.any_float,
+        default=None,
+        help="of the kick, upward; below zero downward; default: 20, 3, 0.03, 1",
+    )
+    parser.add_argument(
+        "--through-stops",
+        action="store_true",
+        help="a kick may throw the lever on a stop while it still acts; without this it is refused",
+    )
     parser.add_argument(
         "--pulse", metavar="S", type=common.positive_float, default=None, help="length of the pulse [s]; 0.2, 0.5, 0.3"
     )
@@ -72,20 +79,13 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Integrate, fit, write, print."""
-    from pilotgen.errors import StudyError
-    from pilotgen.runs.executor import pin_threads
-
-    pin_threads()
     from pilotgen.closed_loop.animation import write_animation
-    from pilotgen.closed_loop.deck import check_study, close_in_deck
-    from pilotgen.closed_loop.poles import open_loop_note
-    from pilotgen.closed_loop.simulate import KICKS, check_kick, kicked, onset, report_text
-    from pilotgen.evaluation import EvaluationContext
-    from pilotgen.output import claimed
+    from pilotgen.closed_loop.poles import check_open_loop, open_loop_note
+    from pilotgen.closed_loop.reach import check_kick, check_reach
+    from pilotgen.closed_loop.simulate import KICKS, kicked, onset, report_text
+    from pilotgen.errors import StudyError
     from pilotgen.progress_line import ProgressLine
 
-    study, values = common.read_pilot(args)
-    check_study(study)
     size = args.size if args.size is not None else KICKS[args.kick][1]
     if args.kick == "turbulence" and args.pulse is not None:
         raise StudyError("--pulse is of kicks; turbulence has none, leave it out")
@@ -93,15 +93,27 @@ def run(args: argparse.Namespace) -> int:
         raise StudyError(
             "--kicks asks how a chance depends on the size, which nothing does with --linear; leave one out"
         )
-    with (
-        EvaluationContext(study, mbdae=args.mbdae) as context,
-        claimed(args.output, "simulate", WRITES, overwrite=args.overwrite) as directory,
-    ):
-        loop = close_in_deck(context, values, directory, two_way=args.two_way)
+    if args.through_stops and (args.linear or args.kick in ("pull", "turbulence")):
+        why = "--linear has no stops" if args.linear else f"a kick of the kind {args.kick} is never refused for that"
+        raise StudyError(f"--through-stops would do nothing: {why}; leave it out")
+    if size == 0.0 or (size < 0.0 and (args.kick == "turbulence" or args.kicks is not None)):
+        least = "above zero" if size else "above or below zero"
+        of = "a root mean square" if args.kick == "turbulence" or args.kicks is not None else "a kick"
+        raise StudyError(f"--size {size:g}: {of} {least} is wanted")
+    with closed_loop.opened(args, "simulate", WRITES, args.two_way) as opened:
+        study, context, directory, loop = opened.study, opened.context, opened.directory, opened.loop
         check_kick(loop, args.kick, size)
+        if args.kicks is not None:
+            check_open_loop(
+                loop,
+                "every kick of such a loop goes on, so that --kicks has no chance to tell; leave it out and look at "
+                "one motion, or give the rotorcraft with what stabilises it",
+            )
         note = open_loop_note(loop)
         if note:
             common.say(note)
+        if not args.linear and not args.through_stops:
+            check_reach(context, loop, args.kick, size, args.pulse)
         motion, content = kicked(
             context,
             loop,
@@ -114,8 +126,10 @@ def run(args: argparse.Namespace) -> int:
             seed=args.seed,
             keep=directory,
         )
+        if note:
+            content |= {"open_loop": note, "goes_on": None}  # the rotorcraft goes, with or without the pilot
         write_animation(directory / "loop.motion.h5", directory / "animation.h5")
-        content = {"study": study.name, "values": values, "two_way": args.two_way, **content}
+        content = {"study": study.name, "values": opened.values, "two_way": args.two_way, **content}
         chance = None
         if args.kicks is not None:
             line = ProgressLine(total=args.kicks, quiet=args.quiet or args.json)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass
 from typing import Any
 
+from pilotgen.cures.friction import GripSwing, as_built, like, more_friction
 from pilotgen.errors import StudyError
 from pilotgen.study.fields import MAYO, did_you_mean
 from pilotgen.study.study import Study
@@ -39,6 +40,10 @@ class Cure:
         Of going all the way, beside the others; estimated.
     remedy : bool
         False: an influence that is looked at and never proposed.
+    by_name : bool
+        True: proposed only if it is asked for by name. What it does depends on the size of the swing.
+    below : tuple of str, optional
+        Label and unit of an amount below zero, told without its sign.
     """
 
     key: str
@@ -49,10 +54,15 @@ class Cure:
     cost: float
     remedy: bool
     source: str
+    by_name: bool = False
+    below: tuple[str, str] | None = None
 
     def told(self, amount: float) -> str:
         """`viscous damper on the lever, 20 N s/m at the grip`."""
-        return f"{self.label}, {amount:.3g} {self.unit}"
+        size = float(f"{abs(amount):.3g}")
+        if amount < 0.0 and self.below is not None:
+            return f"{self.below[0]}, {size:g} {self.below[1]}"
+        return f"{self.label}, {math.copysign(size, amount):g} {self.unit}"
 
 
 class Changed:
@@ -66,11 +76,14 @@ class Changed:
         Path -> value that differs from the study.
     critical_hz : float
         Frequency at which the worst pilot's loop crosses the negative real axis: where a notch belongs.
+    swing : GripSwing or None
+        In which friction is what it is like to a loop; None: friction as the study's own numbers.
     """
 
-    def __init__(self, study: Study, critical_hz: float) -> None:
+    def __init__(self, study: Study, critical_hz: float, swing: GripSwing | None = None) -> None:
         self.study = study
         self.critical_hz = critical_hz
+        self.swing = swing
         self.values: dict[str, Any] = {}
         self.computed = False  # whether the delay of a filter's computer is in
 
@@ -104,6 +117,16 @@ def _balance_weight(to: Changed, x: float) -> None:
 
 def _trim_spring(to: Changed, x: float) -> None:
     to.add("cockpit.collective.stiffness_n_m_per_rad", to.at_grip(x))
+
+
+def _friction(to: Changed, x: float) -> None:
+    if to.swing is None:
+        to.values.update(as_built(to.study, x))
+        return
+    damper, spring = like(more_friction(to.study, x), to.swing)
+    _damper(to, damper)
+    if spring > 1e-9 * damper * to.swing.frequency_hz:  # bristles; the rounding of a sum over samples is none
+        _trim_spring(to, spring)
 
 
 def _gearing(to: Changed, x: float) -> None:
@@ -175,6 +198,7 @@ _EFFECTS: Mapping[str, Callable[[Changed, float], None]] = {
     "inertia": _inertia,
     "balance_weight": _balance_weight,
     "trim_spring": _trim_spring,
+    "friction": _friction,
     "gearing": _gearing,
     "lever_length": _lever_length,
     "lever_angle": _lever_angle,
@@ -206,6 +230,8 @@ def catalogue() -> dict[str, Cure]:
             float(row.get("cost", 0.0)),
             bool(row.get("remedy", True)),
             str(row["source"]),
+            bool(row.get("by_name", False)),
+            (str(row["below"][0]), str(row["below"][1])) if "below" in row else None,
         )
         for key, row in rows.items()
     }
@@ -250,7 +276,9 @@ def _meaningless(study: Study, key: str) -> str:
     return ""
 
 
-def changes(study: Study, amounts: Mapping[str, float], critical_hz: float) -> dict[str, Any]:
+def changes(
+    study: Study, amounts: Mapping[str, float], critical_hz: float, swing: GripSwing | None = None
+) -> dict[str, Any]:
     """What the amounts of cures do to a study: path -> value, for `--set` or as values of a pilot.
 
     Parameters
@@ -261,8 +289,11 @@ def changes(study: Study, amounts: Mapping[str, float], critical_hz: float) -> d
         Key of a cure -> amount in its unit; 0 changes nothing.
     critical_hz : float
         Where a notch belongs.
+    swing : GripSwing, optional
+        Friction as the damper that it is like in this swing, for a margin of such swings; without it friction is the
+        study's own numbers, as a deck takes them, of which margins know nothing.
     """
-    to = Changed(study, critical_hz)
+    to = Changed(study, critical_hz, swing)
     order: MutableMapping[str, Callable[[Changed, float], None]] = dict(_EFFECTS)
     length = order.pop("lever_length")  # first: springs at the grip act about the hinge through it
     for key, effect in (("lever_length", length), *order.items()):
@@ -277,6 +308,8 @@ def price(study: Study, cure: Cure, amount: float) -> str:
         return f"{amount * HAND_SPEED_M_PER_S:.1f} N of control force at {HAND_SPEED_M_PER_S:g} m/s"
     if cure.key == "trim_spring":
         return f"{0.1 * amount:.1f} N of control force after 0.1 m"
+    if cure.key == "friction":
+        return f"{amount:.3g} N of control force in every input, to start the lever and to keep it moving"
     if cure.key == "gearing":
         more = 1.0 / (1.0 - 0.01 * amount) - 1.0
         return f"{100.0 * more:.0f} % more travel of the lever"

@@ -15,6 +15,7 @@ from pilotgen.figures import style
 from pilotgen.objectives import OBJECTIVES
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _COLUMNS = 4
@@ -48,27 +49,59 @@ def each_alone(content: Mapping[str, Any]) -> Figure:
 
 
 @style.styled
-def cure_map(content: Mapping[str, Any]) -> Figure:
-    """Gain and phase margin of the worst pilot over two cures, with the lines of the limits.
+def cure_map(content: Mapping[str, Any], pair: tuple[str, str]) -> Figure:
+    """Gain and phase margin over two cures, a row for each pilot, with the lines of the limits.
 
-    Where no loop reaches |L| = 1 there is no phase margin, and the modulus margin takes its place.
+    Where no loop reaches |L| = 1 there is no phase margin, and the modulus margin takes its place. Crosses: pilots
+    that could not be evaluated.
     """
     import matplotlib.pyplot as plt
 
-    found = content["maps"][0]
-    x, y = (np.array(found[side]["amounts"]) for side in ("x", "y"))
-    phases = np.array(found["margins"]["phase_margin_deg"], dtype=float)
-    shown = ("gain_margin_db", "phase_margin_deg" if np.isfinite(phases).any() else "modulus_margin")
-    figure, grid = plt.subplots(1, 2, figsize=(style.PAGE_WIDTH_IN, 3.8), sharey=True, layout="constrained")
-    for axes, key in zip(grid, shown, strict=True):
-        values = np.array(found["margins"][key], dtype=float)
-        limit = content["limits"].get(key)
-        filled = axes.contourf(x, y, values, levels=12, cmap="cividis")
-        figure.colorbar(filled, ax=axes, label=OBJECTIVES[key].heading)
-        if limit is not None and np.nanmin(values) < limit < np.nanmax(values):
-            lines = axes.contour(x, y, values, levels=[limit], colors=style.VERMILLION, linewidths=2.0)
-            axes.clabel(lines, fmt=lambda v: f"{v:g}")
-        axes.set_title(OBJECTIVES[key].label)
-        axes.set_xlabel(f"{found['x']['label']} [{found['x']['unit']}]")
-    grid[0].set_ylabel(f"{found['y']['label']} [{found['y']['unit']}]")
+    maps = [found for found in content["maps"] if (found["x"]["key"], found["y"]["key"]) == pair]
+    figure, grid = plt.subplots(
+        len(maps),
+        2,
+        figsize=(style.PAGE_WIDTH_IN, 0.4 + 2.9 * len(maps)),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        layout="constrained",
+    )
+    for row, found in zip(grid, maps, strict=True):
+        x, y = (np.array(found[side]["amounts"]) for side in ("x", "y"))
+        stable = np.array([[np.nan if one is None else one for one in line] for line in found["margins"]["stable"]])
+        phases = np.array(found["margins"]["phase_margin_deg"], dtype=float)
+        shown = ("gain_margin_db", "phase_margin_deg" if np.isfinite(phases).any() else "modulus_margin")
+        for axes, key in zip(row, shown, strict=True):
+            values = np.array(found["margins"][key], dtype=float)
+            _filled(axes, x, y, values, OBJECTIVES[key].heading)
+            limit = content["limits"].get(key)
+            if limit is not None:
+                # a loop without a crossing keeps the limit if it is stable, by as much as anybody wants
+                signed = np.where(np.isnan(values), np.where(stable == 0.0, -np.inf, np.inf), values)
+                near = np.clip(signed - limit, -limit, limit)
+                near[np.isnan(stable)] = np.nan
+                if np.nanmin(near) < 0.0 < np.nanmax(near):
+                    masked = np.ma.masked_invalid(near)
+                    lines = axes.contour(x, y, masked, levels=[0.0], colors=style.VERMILLION, linewidths=2.0)
+                    axes.clabel(lines, fmt=lambda v, limit=limit: f"{v + limit:g}")
+            j, i = np.nonzero(np.isnan(stable))
+            axes.plot(x[i], y[j], "x", color=style.BLACK, markersize=4.0)
+            white = " (white: |L| < 1)" if key == "phase_margin_deg" and np.isnan(values).any() else ""
+            axes.set_title(f"{found['pilot']} pilot: {OBJECTIVES[key].label}{white}", fontsize=9.0)
+        row[0].set_ylabel(_axis(content, found["y"]), fontsize=8.0)
+    for axes in grid[-1]:
+        axes.set_xlabel(_axis(content, maps[-1]["x"]), fontsize=8.0)
     return figure
+
+
+def _filled(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, heading: str) -> None:
+    """Filled contours of values (len(y), len(x)) with their colour bar; nothing where there are no numbers."""
+    if np.isfinite(values).any():
+        filled = axes.contourf(x, y, np.ma.masked_invalid(values), levels=12, cmap="cividis")
+        axes.figure.colorbar(filled, ax=axes, label=heading)
+
+
+def _axis(content: Mapping[str, Any], side: Mapping[str, Any]) -> str:
+    swings = f" in swings of {content['swing_mm']:g} mm" if side["key"] == "friction" else ""
+    return f"{side['label']}{swings}\n[{side['unit']}]"

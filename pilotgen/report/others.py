@@ -120,13 +120,25 @@ def _number(value: Any) -> float:
 
 
 def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
-    told = [str(content["sentence"]), *(str(one) for one in content.get("caveats") or ())]
+    told = [str(content["sentence"])]
     proposal = content.get("proposal")
     answer = ""
     if isinstance(proposal, Mapping):
-        words = "; ".join(str(one) for one in proposal.get("cures") or ())
-        answer = words if words and proposal.get("reached") else "nothing that was tried does alone"
-    return Section("cures", "What would cure it", source, tuple(told), answer, None, _pictures(directory))
+        words = "; ".join(str(one["text"]) for one in proposal.get("cures") or ())
+        answer = words if words and proposal.get("reached") else "nothing that was tried is enough"
+        if proposal.get("reached") and not words:
+            answer = "nothing needs to be cured"
+    told += [f"{one['sentence']}." for one in content.get("maps") or () if "sentence" in one]
+    told += [str(one) for one in content.get("caveats") or ()]
+    rows = [
+        [row["label"], f"{row['best']['worst']['amount']:.3g} {row['unit']}", f"{row['best']['worst']['bought']:.1f}"]
+        for row in content.get("cures") or ()
+        if row["remedy"] and not row.get("by_name")
+    ]
+    heads = ["each alone, as far as is practicable", "best amount", "buys the worst pilot [dB]"]
+    table = {"heads": heads, "rows": rows} if rows else None
+    pictures = (*_pictures(directory, "cures"), *_pictures(directory, "cure_map*"))[:MOST_PICTURES]
+    return Section("cures", "What would cure it", source, tuple(told), answer, table, pictures)
 
 
 def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> Section:

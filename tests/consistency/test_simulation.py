@@ -12,9 +12,9 @@ import pytest
 
 from pilotgen.closed_loop.deck import ClosedLoop, close_in_deck
 from pilotgen.closed_loop.poles import eigenvalues
+from pilotgen.closed_loop.reach import check_kick
 from pilotgen.closed_loop.simulate import (
     Fit,
-    check_kick,
     disturbance,
     exponentials,
     fit,
@@ -99,7 +99,7 @@ def test_steps_of_any_length(context: EvaluationContext) -> None:
 
 
 def test_a_pull_beyond_the_stops(context: EvaluationContext) -> None:
-    with pytest.raises(PilotgenError, match="beyond its stops, which are -112 and 112 mm"):
+    with pytest.raises(PilotgenError, match=r"which are -112 and 112 mm from its place; 0.112 m"):
         check_kick(closed(context), "pull", 0.2)
 
 

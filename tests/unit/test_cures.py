@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,9 @@ from pilotgen.cures import catalogue
 from pilotgen.cures.catalogue import Cure, changes, cures_for, price
 from pilotgen.cures.optimum import cheapest, cost_of
 from pilotgen.errors import StudyError
+from pilotgen.runs import cures_maps, cures_study
+from pilotgen.runs.cures_clinic import Clinic, critical_hz
+from pilotgen.runs.cures_maps import map_pairs
 from pilotgen.study.study import study_from_text
 
 STUDY, MAYO_STUDY = study_from_text(MULTIBODY), study_from_text(MAYO)
@@ -101,11 +105,15 @@ def test_names_are_checked() -> None:
         cures_for(pan, only=("cushion",))
 
 
-def test_the_command_proposes_what_keeps_the_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_proposes_what_keeps_the_limits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cures_maps, "MAP_POINTS", 6)
     study = tmp_path / "mayo.yaml"
     study.write_text(MAYO.replace("population: 100", "population: 16").replace("generations: 30", "generations: 4"))
     out = tmp_path / "out"
     options = ["cures", str(study), "-o", str(out), "--quiet", "--only", "gearing", "notch", "low_pass", "delay"]
+    options += ["--map", "notch", "gearing", "--map", "gearing", "delay"]
     assert main(options) == 0
     told = capsys.readouterr().out
     found = json.loads((out / "cures.json").read_text())
@@ -123,16 +131,115 @@ def test_the_command_proposes_what_keeps_the_limits(tmp_path: Path, capsys: pyte
     cured = pg.read_study(out / "cured.yaml")
     for path, value in proposal["changes"].items():
         assert cured.value(path) == pytest.approx(value, rel=1e-12)
-    assert (out / "cures.png").stat().st_size > 5000 and (out / "cure_map.png").exists()
+    assert (out / "cures.png").stat().st_size > 5000
+    assert {path.name for path in out.glob("cure_map*")} == {"cure_map-notch-gearing.png", "cure_map-gearing-delay.png"}
+    sides = [(found_map["x"]["key"], found_map["y"]["key"], found_map["pilot"]) for found_map in found["maps"]]
+    pairs = (("notch", "gearing"), ("gearing", "delay"))
+    assert sides == [(*pair, who) for pair in pairs for who in ("worst", "nominal")]
+    first = found["maps"][0]
+    assert first["sentence"] in told
+    gains = np.array(first["margins"]["gain_margin_db"])  # rows by gearing, columns by notch
+    kept = np.array(first["keeps_limits"])
+    assert gains.shape == kept.shape == (6, 6)
+    less = np.array(first["y"]["amounts"])
+    assert gains[:, 3] - gains[0, 3] == pytest.approx(-20.0 * np.log10(1.0 - 0.01 * less), abs=1e-6)
+    point = {"notch": first["x"]["amounts"][2], "gearing": less[4]}
+    again = pg.evaluate(base, {**found["pilots"]["worst"]["values"], **changes(base, point, found["critical_hz"])})
+    assert gains[4, 2] == pytest.approx(again.margins.gain_margin_db, rel=1e-12)
+    assert f"{np.count_nonzero(kept)} of 36 points keep" in first["sentence"] or not kept.any()
     one = next(row for row in found["cures"] if row["key"] == "gearing")
     gain = one["margins"]["worst"]["gain_margin_db"]  # of a loop that is linear in its gearing
     assert gain[-1] - gain[0] == pytest.approx(-20.0 * np.log10(0.75), abs=1e-6)
     (out / "cures.json").unlink()
-    assert main([*options, "--resume", "--workers", "1"]) == 0
+    fewer = options[: options.index("--map")]
+    assert main([*fewer, "--map", "notch", "low_pass", "--resume", "--workers", "1"]) == 0
+    assert [path.name for path in out.glob("cure_map*")] == ["cure_map-notch-low_pass.png"]  # no stale ones
     again = json.loads((out / "cures.json").read_text())
     assert {k: again[k] for k in ("proposal", "cures", "sentence")} == {
         k: found[k] for k in ("proposal", "cures", "sentence")
     }
+
+
+@pytest.mark.parametrize(
+    ("maps", "message"),
+    [
+        ([("damper", "noch")], "'noch' is no cure; did you mean 'notch'"),
+        ([("damper", "damper")], "--map damper damper: a map is of two cures"),
+        ([("damper", "notch"), ("notch", "damper")], "--map notch damper: this pair stands there twice"),
+    ],
+)
+def test_pairs_of_maps_are_checked(maps: list[tuple[str, str]], message: str) -> None:
+    with pytest.raises(StudyError, match=message):
+        map_pairs(STUDY, maps)
+    with pytest.raises(StudyError, match="'damper' means nothing here"):
+        map_pairs(MAYO_STUDY, [("gearing", "damper")])
+
+
+def test_amounts_below_zero_are_told_without_their_sign() -> None:
+    known = catalogue.catalogue()
+    assert known["lever_length"].told(-0.05) == "length of the lever, 0.05 m shorter"
+    assert known["grip_up"].told(-0.0123456) == "grip moved down, 0.0123 m"
+    assert known["grip_up"].told(0.02) == "grip moved up, 0.02 m"
+    assert known["cushion_damping"].told(4000.0) == "seat cushion with more damping, 4000 N s/m more"
+    assert all(cure.below for cure in known.values() if cure.low < 0.0)
+
+
+class Ward:
+    """Evaluates in this process, and counts."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, float]] = []
+
+    def evaluate(self, pilots: list[dict[str, float]]) -> list[dict[str, Any]]:
+        self.asked += pilots
+        return [dict(pg.evaluate(STUDY, pilot).to_dict()) for pilot in pilots]
+
+
+def test_friction_is_the_damper_at_the_frequency_that_comes_of_it() -> None:
+    ward = Ward()
+    clinic = Clinic(STUDY, ward, 0.02)  # type: ignore[arg-type]
+    clinic.critical_hz = 3.0  # far from what comes of it
+    plain, rubbed = clinic.treated([{}, {}], [{"damper": 10.0}, {"friction": 30.0}])
+    assert plain["loop"]["gain_margin_db"] == pytest.approx(
+        pg.evaluate(STUDY, changes(STUDY, {"damper": 10.0}, 3.0)).margins.gain_margin_db
+    )
+    hz = critical_hz(rubbed)
+    like = 4.0 * 30.0 / (np.pi * 2.0 * np.pi * hz * 0.02)
+    by_hand = pg.evaluate(STUDY, changes(STUDY, {"damper": like}, 3.0)).margins
+    assert rubbed["loop"]["gain_margin_db"] == pytest.approx(by_hand.gain_margin_db, abs=0.02)
+    assert by_hand.gain_margin_hz == pytest.approx(hz, rel=2e-3)
+    assert sum("cockpit.collective.damping_n_m_s_per_rad" in pilot for pilot in ward.asked) <= 9
+    # twice the swing with twice the friction is the same
+    clinic.swing_m = 0.04
+    assert clinic.treated([{}], [{"friction": 60.0}])[0]["loop"]["gain_margin_db"] == pytest.approx(
+        rubbed["loop"]["gain_margin_db"], abs=1e-3
+    )
+
+
+def test_friction_is_told_for_its_swing_and_never_proposed_unasked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cures_maps, "MAP_POINTS", 3)
+    monkeypatch.setattr(cures_study, "CURVE_POINTS", 4)
+    text = MULTIBODY.replace("population: 100", "population: 4").replace("generations: 30", "generations: 1")
+    text = text.replace("gearing_rad_per_m: 1.1", "gearing_rad_per_m: 2.6")
+    study = tmp_path / "study.yaml"
+    study.write_text(text + "\nlimits: {gain_margin_db: null, phase_margin_deg: null}\n")
+    out = tmp_path / "out"
+    options = ["cures", str(study), "-o", str(out), "--quiet", "--no-simulation", "--no-figures"]
+    assert main([*options, "--only", "damper", "friction", "--swing", "20", "--map", "damper", "gearing"]) == 0
+    told = capsys.readouterr().out
+    found = json.loads((out / "cures.json").read_text())
+    assert [row["key"] for row in found["cures"]] == ["damper", "friction"]  # friction last, whatever it buys
+    row = found["cures"][1]
+    assert found["swing_mm"] == 20.0 and row["by_name"] and not found["cures"][0]["by_name"]
+    assert "in swings of 20 mm (larger ones feel less) and costs 71 N of control force" in told
+    (name,) = {who for who in ("worst",) if found["pilots"][who]["stable"] is False}
+    swings = row["smallest_swing_that_grows_mm"][name]
+    assert swings[0] == 0.0  # every swing, without friction
+    known = [swing for swing in swings if swing is not None]
+    assert known == sorted(known) and f"{name} pilot, unstable without: smallest swing that grows" in told
+    assert found["proposal"]["amounts"] == {}
 
 
 def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:

@@ -132,6 +132,18 @@ def test_what_other_commands_found(tmp_path: Path) -> None:
     (tmp_path / "cures.json").write_text(json.dumps({"sentence": "A notch of 3 Hz <b>cures</b> him."}))
     section = read_section(tmp_path)
     assert section.kind == "cures" and section.sentences == ("A notch of 3 Hz <b>cures</b> him.",)
+    row = {"label": "damper", "unit": "N s/m", "remedy": True, "best": {"worst": {"amount": 40.0, "bought": 7.34}}}
+    content = {
+        "sentence": "A damper does it.",
+        "proposal": {"reached": True, "cures": [{"key": "damper", "text": "damper, 10 N s/m", "price": "2 N"}]},
+        "maps": [{"sentence": "damper and notch: 300 of 400 points keep 6 dB"}],
+        "cures": [row, {**row, "label": "friction", "by_name": True}],
+    }
+    (tmp_path / "cures.json").write_text(json.dumps(content))
+    section = read_section(tmp_path)
+    assert section.answer == "damper, 10 N s/m"
+    assert section.sentences == ("A damper does it.", "damper and notch: 300 of 400 points keep 6 dB.")
+    assert section.table is not None and section.table["rows"] == [["damper", "40 N s/m", "7.3"]]
     (tmp_path / "cures.json").write_text("[1]")
     with pytest.raises(FileError, match=r"cures\.json: cannot be read"):
         read_section(tmp_path)
