@@ -76,7 +76,6 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.cures.friction import SWING_MM
     from pilotgen.runs.cures_study import cures_study
     from pilotgen.study.study import read_study
 
@@ -98,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
             show,
             say,
             args.maps,
-            SWING_MM if args.swing is None else args.swing,
+            args.swing,
         )
         if not args.no_figures:
             draw(done.content, directory)

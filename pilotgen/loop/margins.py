@@ -167,6 +167,10 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     if exact and fractions is None:
         return exact_margins(rational(model))
     features = _features(model, fractions)
+    if (
+        features.doubtful and fractions is not None and not exact
+    ):  # of two poles close by, large terms cancel; here none
+        features = locus_features(model)
     if _small_gain(model, fractions, features):
         return _margins(model.D, True, features)
     largest = largest_real_part(model)

@@ -80,8 +80,7 @@ class Clinic:
         """Results of pilots, each with his own amounts of cures.
 
         With friction among them the margins are those of swings of the grip of `swing_m`. What friction is like depends
-        on the frequency too: it is asked for at the one of the gain margin that comes of it, found by repetition. Where
-        margins cannot be told at one frequency, within round-off, another is asked for within what it is known to.
+        on the frequency too: it is asked for at the one of the gain margin that comes of it, found by repetition.
         """
         hz = [self.critical_hz] * len(pilots)
         results: list[dict[str, Any]] = [{} for _ in pilots]
@@ -93,20 +92,18 @@ class Clinic:
             ]
             for k, result in zip(rows, self.batch.evaluate(steps), strict=True):
                 results[k] = result
-            asked = {k: self._next_hz(results[k], hz[k]) for k in rows if doses[k].get(FRICTION)}
-            rows = [k for k, f in asked.items() if f != hz[k]]
+            rows = [
+                k
+                for k in rows
+                if doses[k].get(FRICTION)
+                and results[k]["status"] == "ok"
+                and abs(critical_hz(results[k]) - hz[k]) > SAME_FREQUENCY * hz[k]
+            ]
             if not rows:
                 break
             for k in rows:
-                hz[k] = asked[k]
+                hz[k] = critical_hz(results[k])
         return results
-
-    def _next_hz(self, result: Result, hz: float) -> float:
-        """At which frequency friction is to be asked for next; the same one if that is known."""
-        if result["status"] != "ok":
-            return hz * (1.0 + SAME_FREQUENCY) if result["stage"] == "margins" else hz
-        found = critical_hz(result)
-        return found if abs(found - hz) > SAME_FREQUENCY * hz else hz
 
     def worst_of(self, amounts: Amounts, name: str) -> Patient:
         """The worst pilot of the study's box with some cures, by a search; `before` is with them."""

@@ -72,7 +72,7 @@ def cures_study(
     on_progress: OnProgress | None = None,
     say: Say | None = None,
     maps: Sequence[Sequence[str]] = (),
-    swing_mm: float = SWING_MM,
+    swing_mm: float | None = None,
 ) -> CuresRun:
     """Look for what brings the worst pilots of a study to its limits; leaves cures.json and cured.yaml.
 
@@ -88,8 +88,8 @@ def cures_study(
         Kick the last worst pilot in time, with and without the cure.
     maps : sequence of pairs of str
         Keys of cures over which maps are made; without any, the two that buy most.
-    swing_mm : float
-        Amplitude of the grip for which friction is told [mm].
+    swing_mm : float, optional
+        Amplitude of the grip for which friction is told [mm]; 10 if not given.
 
     Raises
     ------
@@ -104,6 +104,7 @@ def cures_study(
     options = options or RunOptions()
     cures = cures_for(study, only, without)
     pairs = map_pairs(study, maps)
+    swing_mm = _swing_mm(study, swing_mm, any(cure.key == FRICTION for cure in itertools.chain(cures, *pairs)))
     check_open_loop(study)
     crowd = _people(study, people)
     progress = Progress()
@@ -159,6 +160,19 @@ def check_open_loop(study: Study) -> None:
             "no cure gives him one: what weakens his hold on the lever cures bounce and nothing of that. Give the "
             "rotorcraft with what stabilises it, or a model of its heave alone"
         )
+
+
+def _swing_mm(study: Study, given: float | None, friction: bool) -> float:
+    """Amplitude for which friction is told; StudyError for one that nothing is told of, or that no lever has."""
+    if given is None:
+        return SWING_MM
+    if not friction:
+        raise StudyError("--swing is for friction, which is not among these cures; leave it out")
+    ends = [float(study.cockpit["collective"][f"{end}_angle_deg"]) for end in ("lowest", "highest")]
+    most = 1e3 * 0.5 * math.radians(ends[1] - ends[0]) * study.inceptor.lever_length_m
+    if given > most:
+        raise StudyError(f"--swing {given:g}: the lever's stops allow swings of {most:.0f} mm at most; give less")
+    return given
 
 
 # ---- each cure alone

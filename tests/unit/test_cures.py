@@ -240,6 +240,12 @@ def test_friction_is_told_for_its_swing_and_never_proposed_unasked(
     known = [swing for swing in swings if swing is not None]
     assert known == sorted(known) and f"{name} pilot, unstable without: smallest swing that grows" in told
     assert found["proposal"]["amounts"] == {}
+    for more, wanted in (
+        (["--only", "damper", "--swing", "5"], "--swing is for friction, which is not among these cures"),
+        (["--swing", "500"], "--swing 500: the lever's stops allow swings of 112 mm at most"),
+    ):
+        assert main([*options[:3], str(tmp_path / "other"), *more]) == 1
+        assert wanted in capsys.readouterr().err and not (tmp_path / "other").exists()
 
 
 def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
@@ -267,6 +273,18 @@ def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
     largest = -L.real[crossed].min()
     assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(largest), abs=2e-2)
     assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-4)
+
+
+@pytest.mark.parametrize("damping", [19.592363455644602, 19.7203])
+def test_a_lever_that_is_nearly_critically_damped_has_margins(damping: float) -> None:
+    # two poles of arm and lever become one: large terms of partial fractions cancel, the state space has none
+    tall = {"age_years": 25.0, "bmi": 27.69833654165268, "stature_m": 1.97935865232721}
+    pilot = pg.evaluate(STUDY, {**tall, "cockpit.collective.damping_n_m_s_per_rad": damping})
+    omega = np.geomspace(0.5, 200.0, 6_000)  # rad/s, an independent look
+    L = pilot.open_loop()(1j * omega)
+    crossed = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0.0) & (L.real[:-1] < -1e-6))
+    assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(-L.real[crossed].min()), abs=2e-2)
+    assert pilot.margins.stable
 
 
 def test_the_closed_deck_with_fittings_has_the_poles_of_the_margins(tmp_path: Path) -> None:
