@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pilotgen.errors import EvaluationError, PilotgenError
+from pilotgen.errors import EvaluationError, FileError, PilotgenError
 from pilotgen.evaluation import Evaluation, EvaluationContext
 from pilotgen.evaluation import evaluate as evaluate_in
 from pilotgen.linear.statespace import StateSpaceModel
@@ -415,4 +415,6 @@ def open_results(path: str | os.PathLike[str]) -> StudyResult:
     """Read the study.h5 of a search or sample; `path` is the file or its directory. FileError if it cannot be read."""
     where = Path(path)
     where = where / RESULTS_NAME if where.is_dir() else where
+    if not where.exists():
+        raise FileError(f"{where} does not exist; a search or a sample leaves it when it is finished")
     return StudyResult(where, read_results(where))

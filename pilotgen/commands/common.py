@@ -180,6 +180,20 @@ def user_path(text: str) -> Path:
     return Path(text).absolute()
 
 
+def format_of(path: Path | None, formats: Sequence[str]) -> str | None:
+    """The format that a file's name ends in; None if it does not say, or there is none."""
+    ending = path.suffix.removeprefix(".").lower() if path is not None else ""
+    return ending if ending in formats else None
+
+
+def file_of_pilot(directory: Path) -> Path:
+    """pilot_model.h5 of an output directory of `pilotgen pilot`. Raises FileError if it is none."""
+    path = directory / "pilot_model.h5"
+    if not path.is_file():
+        raise FileError(f"{path} does not exist; PILOTDIR is the output directory of `pilotgen pilot`")
+    return path
+
+
 def positive_int(text: str) -> int:
     """Type of an argument: a whole number greater than zero."""
     value = non_negative_int(text)

@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen export results/pilot --format mat -o pilot.mat --axes heave,pitch",
     )
     parser.add_argument("directory", metavar="PILOTDIR", type=common.user_path, help="output of `pilotgen pilot`")
-    parser.add_argument("--format", choices=FORMATS, default="json", help="json (default), mat, h5 or csv")
+    parser.add_argument("--format", choices=FORMATS, default=None, help="default: as FILE ends, else json")
     parser.add_argument("-o", "--output", metavar="FILE", type=common.user_path, required=True, help="file to write")
     parser.add_argument(
         "--axes",
@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.output.exists():
         raise FileError(f"{args.output}: exists; choose another file")
+    args.format = args.format or common.format_of(args.output, FORMATS) or "json"
     wants_reduction = args.order is not None or args.tolerance is not None
     if args.format == "h5" and (wants_reduction or args.no_washout):
         raise StudyError("--format h5 is the whole model with its washout apart; --order, --tolerance and --no-washout "
@@ -97,7 +98,7 @@ def _model(args: argparse.Namespace) -> Any:
     from pilotgen.linear.pilot_model import read_pilot_model
     from pilotgen.solver.matrices import read_matrices
 
-    model = read_pilot_model(args.directory / "pilot_model.h5")
+    model = read_pilot_model(common.file_of_pilot(args.directory))
     if args.axes is None and args.point is None and args.also is None:
         return model
     names = [name.strip() for name in (args.axes or "heave").split(",")]
@@ -120,11 +121,13 @@ def _further(also: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Outputs by their unknowns, and names of moments."""
     from pilotgen.errors import StudyError
     from pilotgen.linear.imposed_motion import HANDS, HEAD, MOMENTS, rotations
+    from pilotgen.study.fields import did_you_mean
 
     wanted = [name.strip() for name in also.split(",")] if also else []
     known = {"head": HEAD, "hands": HANDS, "moments": {}}
     for name in wanted:
         if name not in known:
-            raise StudyError(f"--also {also}: {name!r} is not known; known: {', '.join(known)}")
+            near = did_you_mean(name, list(known))
+            raise StudyError(f"--also {also}: {name!r} is not known; {near}known: {', '.join(known)}")
     outputs = {key: weights for name in ("head", "hands") if name in wanted for key, weights in known[name].items()}
     return {**rotations(), **outputs}, tuple(MOMENTS) if "moments" in wanted else ()

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if args.plant.lower().endswith(".csv"):
         return _measured(args, gearing)
     plant = _plant(args.plant, common_point(args.seat, "--seat"))
-    model = read_pilot_model(args.directory / "pilot_model.h5")
+    model = read_pilot_model(common.file_of_pilot(args.directory))
     if model.inputs != (INPUT_NAME,) or plant.motions != ("heave",) or set(gearing) != {"collective"}:
         matrices = read_matrices(args.directory / "matrices.h5")
         channels = Channels(inputs=plant.motions)
@@ -121,7 +121,7 @@ def _measured(args: argparse.Namespace, gearing: dict[str, float]) -> int:
             "--gearing collective=G alone goes with it"
         )
     plant = read_frequency_response(Path(args.plant))
-    model = read_pilot_model(args.directory / "pilot_model.h5")
+    model = read_pilot_model(common.file_of_pilot(args.directory))
     found, answer = measured_margins(model, MeasuredRotorcraft(plant), gearing["collective"] * model.lever_length_m)
     if args.json:
         told = {**as_object(found, answer), "plant_interpolation_error": _finite(plant.interpolation_error)}
@@ -145,13 +145,17 @@ def _gearing(text: str) -> dict[str, float]:
     from pilotgen.errors import StudyError
     from pilotgen.linear.imposed_motion import PEDALS
     from pilotgen.loop.units import CONTROLS
+    from pilotgen.study.fields import did_you_mean
 
     found: dict[str, float] = {}
     for part in text.split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))
         if name not in CONTROLS:
             why = f"; {PEDALS}" if "pedal" in name else ""
-            raise StudyError(f"--gearing {text}: control {name!r} is not known; known: {', '.join(CONTROLS)}{why}")
+            near = did_you_mean(name, list(CONTROLS))
+            raise StudyError(
+                f"--gearing {text}: control {name!r} is not known; {near}known: {', '.join(CONTROLS)}{why}"
+            )
         try:
             number = float(value)
         except ValueError:
@@ -180,13 +184,15 @@ def common_point(text: str | None, flag: str) -> tuple[float, float, float]:
 def _plant(name: str, seat: tuple[float, float, float]) -> Any:
     from pilotgen.errors import StudyError
     from pilotgen.loop.plants import load_plant, roll_plant, roll_rotorcraft
+    from pilotgen.study.fields import did_you_mean
 
     kind, _, which = name.partition(":")
     if kind != "roll":
         return load_plant(name).at_seat(seat)
     known = roll_rotorcraft()
     if which not in known:
-        raise StudyError(f"--plant {name}: rotorcraft {which!r} is not known; known: {', '.join(known)}")
+        near = did_you_mean(which, list(known))
+        raise StudyError(f"--plant {name}: rotorcraft {which!r} is not known; {near}known: {', '.join(known)}")
     found = known[which]
     assert found.roll is not None
     plant = roll_plant(found.roll["time_constant_s"], found.roll["flap_1_s2"], found.delay_s, seat[1])

@@ -41,20 +41,21 @@ def add_parser(commands: Any) -> None:
         required=True,
         help="base points, a power of two; Morris: trajectories; surrogate: pilots; anova: levels of each number",
     )
-    parser.add_argument(
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
         "--method",
         choices=("sobol", "morris", "surrogate", "anova"),
         default="sobol",
         help="how numbers are varied (default: sobol)",
     )
-    parser.add_argument(
+    which.add_argument(
         "--surrogate",
         dest="method",
         action="store_const",
         const="surrogate",
         help="Sobol indices of a polynomial through N pilots, with its cross-validated error: --method surrogate",
     )
-    parser.add_argument(
+    which.add_argument(
         "--anova",
         dest="method",
         action="store_const",

@@ -38,7 +38,9 @@ def add_parser(commands: Any) -> None:
         type=common.user_path,
         help="output directory of `pilotgen search` or `pilotgen sample`, or a study.h5",
     )
-    parser.add_argument("--format", choices=FORMATS, default=None, help="default: csv; parquet needs pandas, pyarrow")
+    parser.add_argument(
+        "--format", choices=FORMATS, default=None, help="default: as FILE ends, else csv; parquet needs pandas, pyarrow"
+    )
     parser.add_argument("-o", "--output", metavar="FILE", type=common.user_path, default=None, help="file to write")
     parser.set_defaults(run=run)
 
@@ -50,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.json and args.format not in (None, "json"):
         raise FileError(f"--json and --format {args.format} exclude each other; leave one out")
-    args.format = "json" if args.json else args.format or "csv"
+    by_name = common.format_of(args.output, FORMATS)
+    args.format = "json" if args.json else args.format or by_name or "csv"
     if args.output is not None and args.output.exists():
         raise FileError(f"{args.output} exists; choose another file, or move it aside")
     if args.format == "parquet" and args.output is None:

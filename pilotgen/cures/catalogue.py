@@ -243,7 +243,7 @@ def cures_for(study: Study, only: tuple[str, ...] = (), without: tuple[str, ...]
     Raises
     ------
     StudyError
-        A name that is none, or that means nothing for this study.
+        A name that is none, or that means nothing for this study; or nothing is left.
     """
     known = catalogue()
     for key in (*only, *without):
@@ -254,7 +254,10 @@ def cures_for(study: Study, only: tuple[str, ...] = (), without: tuple[str, ...]
         if reasons[key]:
             raise StudyError(f"cure {key!r} means nothing here: {reasons[key]}")
     kept = [cure for key, cure in known.items() if not reasons[key] and key not in without]
-    return [cure for cure in kept if cure.key in only] if only else kept
+    kept = [cure for cure in kept if cure.key in only] if only else kept
+    if not kept:
+        raise StudyError("--only and --without leave no cure to try; name another one, or leave one of them out")
+    return kept
 
 
 def _meaningless(study: Study, key: str) -> str:

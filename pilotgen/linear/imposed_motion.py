@@ -19,6 +19,7 @@ from pilotgen.errors import EvaluationError, MatrixError, StudyError
 from pilotgen.linear.null_space import independent_constraints
 from pilotgen.linear.second_order import SecondOrderForm, second_order_form
 from pilotgen.solver.descriptor import DescriptorModel, Floats, Indices, block
+from pilotgen.study.fields import did_you_mean
 
 COLLECTIVE = "collective_rotation"
 _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {
@@ -122,12 +123,14 @@ class Channels:
         for name in self.inputs:
             if name not in SEAT_MOTIONS:
                 why = f"; {PEDALS}" if "pedal" in name else ""
-                raise StudyError(f"seat motion '{name}' is not known; known: {', '.join(SEAT_MOTIONS)}{why}")
+                near = did_you_mean(name, list(SEAT_MOTIONS))
+                raise StudyError(f"seat motion '{name}' is not known; {near}known: {', '.join(SEAT_MOTIONS)}{why}")
         if not self.inputs or len(set(self.inputs)) != len(self.inputs):
             raise StudyError(f"seat motions must be named once each; got {', '.join(self.inputs) or 'none'}")
         for name in self.moments:
             if name not in MOMENTS:
-                raise StudyError(f"moment '{name}' is not known; known: {', '.join(MOMENTS)}")
+                near = did_you_mean(name, list(MOMENTS))
+                raise StudyError(f"moment '{name}' is not known; {near}known: {', '.join(MOMENTS)}")
         for name in self.outputs:
             if "pedal" in name:
                 raise StudyError(f"output '{name}': {PEDALS}")

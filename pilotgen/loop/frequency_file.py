@@ -23,6 +23,7 @@ from pilotgen.errors import FileError, PilotgenError
 from pilotgen.files import refuse_special
 from pilotgen.linear.statespace import ComplexArray, FloatArray
 from pilotgen.loop.units import COLLECTIVE, HEAVE, stated_gain
+from pilotgen.study.fields import did_you_mean
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -225,7 +226,8 @@ def _check_header(path: Path, number: int, header: Sequence[str]) -> None:
         raise FileError(f"{where}: numbers where column names are wanted, such as frequency_hz,magnitude_db,phase_deg")
     unknown = [name for name in header if name not in _COLUMNS]
     if unknown:
-        raise FileError(f"{where}: column {unknown[0][:40]!r} is not known; known: {', '.join(_COLUMNS)}")
+        near = did_you_mean(unknown[0][:40], list(_COLUMNS))
+        raise FileError(f"{where}: column {unknown[0][:40]!r} is not known; {near}known: {', '.join(_COLUMNS)}")
     if len(set(header)) != len(header):
         raise FileError(f"{where}: a column stands twice")
     if sum(name in header for name in _FREQUENCIES) != 1:

@@ -24,6 +24,7 @@ from pilotgen.linear.statespace import FloatArray, StateSpaceModel
 from pilotgen.loop.delay import pade_delay
 from pilotgen.loop.loop_file import MOST_STATES, read_values
 from pilotgen.loop.units import CONTROLS, OUTPUT_FACTORS, POSITIVE
+from pilotgen.study.fields import did_you_mean
 from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
 from pilotgen.study.yaml_file import bundled
 
@@ -111,8 +112,10 @@ def load_plant(name: str) -> MatrixPlant:
     if name in bundled_plants():
         return plant_from(_bundled()[name], name)
     if not name.lower().endswith((".json", ".mat", ".h5", ".hdf5")):
+        known = list(bundled_plants())
+        near = did_you_mean(name, [*known, *(f"roll:{one}" for one in roll_rotorcraft())])
         raise FileError(
-            f"plant {name!r} is not known; bundled: {', '.join(bundled_plants())}; or name a .json, .mat or .h5 file"
+            f"plant {name!r} is not known; {near}bundled: {', '.join(known)}; or name a .json, .mat or .h5 file"
         )
     return plant_from(read_values(Path(name)), name)
 

@@ -96,6 +96,8 @@ def test_what_cannot_be_reached_is_not_called_reached() -> None:
 def test_names_are_checked() -> None:
     with pytest.raises(StudyError, match="'dampr' is no cure; did you mean 'damper'"):
         cures_for(STUDY, only=("dampr",))
+    with pytest.raises(StudyError, match="leave no cure to try"):
+        cures_for(STUDY, ("damper",), ("damper",))
     with pytest.raises(StudyError, match="'damper' means nothing here: Mayo's pilots have no lever"):
         cures_for(MAYO_STUDY, only=("damper",))
     rigid, _ = STUDY.with_values({"pilot.torso.model": "rigid"})

@@ -226,7 +226,9 @@ def test_table_for_other_programs(run: Run, tmp_path: Path) -> None:
     assert found["evaluations"]["phase_margin_deg"] == [None] * 3
     refused(run("table", tmp_path / "out", "-o", file), "exists; choose another file")
     refused(run("table", tmp_path / "out", "--format", "parquet"), "name a file with -o")
-    refused(run("table", tmp_path / "nothing"), "cannot be read as HDF5")
+    refused(run("table", tmp_path / "nothing"), "nothing does not exist; a search or a sample leaves it")
+    assert run("table", tmp_path / "out", "-o", tmp_path / "by-name.json")[0] == 0
+    assert json.loads((tmp_path / "by-name.json").read_text())
 
 
 def test_log_and_status_of_a_search(run: Run, tmp_path: Path) -> None:

@@ -57,6 +57,8 @@ def test_roll(pilot: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--plant", "lynks", "--gearing", "lateral=1"], "plant 'lynks' is not known"),
         (["--plant", "roll:puma", "--gearing", "lateral=1"], "rotorcraft 'puma' is not known; known: oh58d"),
+        (["--plant", "roll:uh60", "--gearing", "lateral=1"], "did you mean 'uh60a'?"),
+        (["--plant", "lynx-hover", "--gearing", "latral=1"], "control 'latral' is not known; did you mean 'lateral'?"),
         (["--plant", "lynx-hover", "--gearing", "pedals=1"], "pedals are not modelled"),
         (["--plant", "lynx-hover", "--gearing", "lateral=x"], "one number for each control"),
         (["--plant", "lynx-hover", "--gearing", "lateral=1", "--seat", "1,2"], "--seat 1,2: three numbers"),

@@ -292,8 +292,8 @@ def test_what_pilot_and_plant_do_not_share_is_refused() -> None:
         close(mayo_pilot(3.4, 0.3, 0.1, 0.32), plant, {"collective": 0.35})
     with pytest.raises(StudyError, match="control 'lateral' is not among"):
         close(pilot_of(ALL, OUTPUTS[:2], 1), plant, {"lateral": 0.35})
-    with pytest.raises(FileError, match="plant 'lynks' is not known; bundled: lynx-hover"):
-        load_plant("lynks")
+    with pytest.raises(FileError, match="plant 'lynks-hover' is not known; did you mean 'lynx-hover'"):
+        load_plant("lynks-hover")
     assert dataclasses.is_dataclass(plant)
 
 

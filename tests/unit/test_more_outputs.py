@@ -90,11 +90,15 @@ def test_export(solved: tuple[SolvedPilot, Path], tmp_path: Path, capsys: pytest
     assert main([*more, "--format", "json", "-o", str(tmp_path / "a.json")]) == 0
     outputs = {one["name"]: one["unit"] for one in json.loads((tmp_path / "a.json").read_text())["outputs"]}
     assert list(outputs) == [*rotations(), *HEAD, *HANDS, *MOMENTS, "grip_motion"]
-    assert main([*more, "--format", "h5", "-o", str(tmp_path / "a.h5")]) == 0
+    assert main([*more, "-o", str(tmp_path / "a.h5")]) == 0  # the format is that of the name
     again = read_pilot_model(tmp_path / "a.h5")
     assert again.outputs == tuple(outputs)[:-1]
     assert main(["export", str(directory), "--also", "feet", "-o", str(tmp_path / "b.json")]) == 1
     assert "'feet' is not known; known: head, hands, moments" in capsys.readouterr().err
+    assert main(["export", str(directory), "--axes", "heav", "-o", str(tmp_path / "b.json")]) == 1
+    assert "seat motion 'heav' is not known; did you mean 'heave'?" in capsys.readouterr().err
+    assert main(["export", str(tmp_path), "-o", str(tmp_path / "b.json")]) == 1
+    assert "PILOTDIR is the output directory of `pilotgen pilot`" in capsys.readouterr().err
     with pytest.raises(StudyError, match="moment 'x' is not known"):
         Channels(moments=("x",))
     with pytest.raises(StudyError, match="knows no moments of the hands"):

@@ -224,6 +224,13 @@ def test_an_infinite_margin_has_no_indices(run: Run, tmp_path: Path) -> None:
     assert found["gain_at_180"]["indices"]["numbers"]["pilot_damping"]["total"] > 0.0
 
 
+def test_one_method_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for options in (("--anova", "--surrogate"), ("--method", "morris", "--anova")):
+        with pytest.raises(SystemExit):
+            main(["sensitivity", "s.yaml", "-n", "16", *options, "-o", str(tmp_path / "a")])
+        assert "not allowed with argument" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("section", "said"),
     [
