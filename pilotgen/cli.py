@@ -132,9 +132,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with standard_streams() as (out, err):
         code = _run(arguments, out)
         out.flush()  # a full disk behind standard output is found out here, not after the exit code
-        if out.error is not None:
-            if out.error.errno != errno.EPIPE:  # the reader of our output went away, as `head` does
-                print(f"pilotgen: error: standard output: {out.error.strerror or out.error}", file=err)
+        if out.error is not None and out.error.errno != errno.EPIPE:  # else its reader went away, as `head` does
+            print(f"pilotgen: error: standard output: {out.error.strerror or out.error}", file=err)
             code = code or EXIT_ERROR
     return code
 

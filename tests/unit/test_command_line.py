@@ -114,6 +114,8 @@ def test_closed_streams_end_nothing(tmp_path: Path) -> None:
     assert done.returncode == 0 and (tmp_path / "c" / "study.h5").is_file()
     done = finished("sample", MAYO, "-n", "4", "-o", tmp_path / "d", "--workers", "1", shell="2>/dev/full")
     assert done.returncode == 0 and done.stdout.startswith(b"4 pilots")
+    done = finished("pilot", MAYO, "-o", tmp_path / "e", "--no-figures", shell="| true; exit ${PIPESTATUS[0]}")
+    assert (done.returncode, done.stderr) == (0, b"") and (tmp_path / "e" / "pilot_model.h5").is_file()
     done = finished("--help", shell="| head -n 1")
     assert (done.returncode, done.stderr) == (0, b"") and done.stdout.startswith(b"usage")
 
