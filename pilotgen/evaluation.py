@@ -47,7 +47,8 @@ from pilotgen.solver.protocol import SolverReply
 from pilotgen.solver.scratch import PLACE as SCRATCH_PLACE
 from pilotgen.solver.scratch import ScratchDirectory
 from pilotgen.study.loop_section import LoopSignals
-from pilotgen.study.study import Reflex, Study
+from pilotgen.study.sections import Reflex
+from pilotgen.study.study import Study
 from pilotgen.study.torso_numbers import MODES, RIGID
 from pilotgen.summary import bdft_summary, loop_result, result_file
 

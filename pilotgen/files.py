@@ -113,3 +113,24 @@ def write_bytes(path: Path, data: bytes) -> None:
 def to_json(result: Mapping[str, Any]) -> str:
     """A result object as readable JSON, strict: infinite margins must have become None."""
     return json.dumps(result, indent=2, allow_nan=False) + "\n"
+
+
+def strict_json(text: str) -> dict[str, Any]:
+    """A JSON object of finite numbers. Raises ValueError for anything else."""
+
+    def refuse(name: str) -> float:
+        raise ValueError(f"{name} is no number of a result")
+
+    try:
+        data = json.loads(text, parse_constant=refuse)
+    except RecursionError:
+        raise ValueError("nested without end") from None
+    if not isinstance(data, dict):
+        raise ValueError("no JSON object")
+    return data
+
+
+def read_strict_json(path: Path) -> dict[str, Any]:
+    """The same of a file of ours. Raises OSError, ValueError, and FileError for what is no regular file."""
+    refuse_special(path)
+    return strict_json(path.read_text(encoding="utf-8"))

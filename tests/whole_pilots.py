@@ -20,7 +20,7 @@ from pilotgen.posture.posture import Posture, first_guess, from_poses
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.matrices import read_matrices
 from pilotgen.study.cockpit_numbers import cockpit_numbers
-from pilotgen.study.study import Reflex
+from pilotgen.study.sections import Reflex
 
 LEVER_LENGTH_M = 0.32
 NOMINAL = {"age_years": 40.0, "bmi": 24.0, "stature_m": 1.775}

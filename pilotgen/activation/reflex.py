@@ -6,7 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 from pilotgen.study.schema import SCHEMA
-from pilotgen.study.study import Reflex, calibrated_gains
+from pilotgen.study.sections import Reflex, calibrated_gains
 
 __all__ = ["calibrated_gains", "reflex_gains"]
 

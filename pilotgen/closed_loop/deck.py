@@ -27,7 +27,8 @@ from pilotgen.loop.network import Network, Reaction, network
 from pilotgen.loop.rotorcraft_model import RotorcraftModel, rotorcraft_model
 from pilotgen.solver.descriptor import Floats
 from pilotgen.solver.matrices import Matrices, read_matrices
-from pilotgen.study.study import Reflex, Study
+from pilotgen.study.sections import Reflex
+from pilotgen.study.study import Study
 
 LOOP_DECK = "loop.mbd"
 SEAT_REACTION = "seat_pin.reaction[2]"

@@ -6,12 +6,12 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from pilotgen.commands import common
 from pilotgen.errors import FileError
+from pilotgen.files import read_strict_json
 
 WRITES = ("pilot.html", "front/*/pilot.html")
 
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 def _result(path: Path) -> dict[str, Any]:
     """A result.json of a pilot who could be evaluated."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_strict_json(path)
     except FileNotFoundError:
         raise FileError(
             f"{path} does not exist; DIR is the output directory of `pilotgen pilot`, or front/NN of a search"

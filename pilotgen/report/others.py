@@ -6,15 +6,15 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import base64
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pilotgen.errors import FileError
+from pilotgen.errors import FileError, StudyError
 from pilotgen.figures.style import quantity
+from pilotgen.files import read_strict_json
 from pilotgen.objectives import GAIN_MARGIN, objective
 from pilotgen.population.shares import Share
 from pilotgen.population.tally import percent
@@ -64,9 +64,8 @@ def read_section(directory: Path) -> Section:
         path = directory / name
         if path.is_file():
             try:
-                content = json.loads(path.read_text(encoding="utf-8"))
-                return make(directory, path.as_posix(), content)
-            except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+                return make(directory, path.as_posix(), read_strict_json(path))
+            except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, StudyError) as error:
                 raise FileError(f"{path}: cannot be read as what its command writes ({error}); run it again") from None
     raise FileError(
         f"{directory}: holds none of {', '.join(_READERS)}; --with wants the output directory of "
@@ -131,7 +130,11 @@ def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
     told += [f"{one['sentence']}." for one in content.get("maps") or () if "sentence" in one]
     told += [str(one) for one in content.get("caveats") or ()]
     rows = [
-        [row["label"], f"{row['best']['worst']['amount']:.3g} {row['unit']}", f"{row['best']['worst']['bought']:.1f}"]
+        [
+            str(row["label"]),
+            f"{row['best']['worst']['amount']:.3g} {row['unit']}",
+            f"{row['best']['worst']['bought']:.1f}",
+        ]
         for row in content.get("cures") or ()
         if row["remedy"] and not row.get("by_name")
     ]

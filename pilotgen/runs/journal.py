@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError
-from pilotgen.files import refuse_special
+from pilotgen.files import refuse_special, strict_json
 
 JOURNAL_VERSION = 2  # 2: every row has a checksum
 JOURNAL_NAME = "journal.sqlite"
@@ -55,21 +55,6 @@ def _checksum(key: str, inputs: str, status: str, result: str, cpu_s: float) -> 
 
 
 _COLUMNS = "key, inputs, status, result, cpu_s, checksum"
-
-
-def _strict_json(text: str) -> dict[str, Any]:
-    """A JSON object of finite numbers; ValueError for anything else."""
-
-    def refuse(name: str) -> float:
-        raise ValueError(f"{name} is no number of a result")
-
-    try:
-        data = json.loads(text, parse_constant=refuse)
-    except RecursionError:
-        raise ValueError("nested without end") from None
-    if not isinstance(data, dict):
-        raise ValueError("no JSON object")
-    return data
 
 
 def _why_locked(path: Path) -> str:
@@ -244,7 +229,7 @@ class Journal:
             if [type(value) for value in found] != [str, str, str, str, float] or _checksum(*found) != checksum:
                 raise ValueError("it does not have its checksum")
             key, inputs, status, result, cpu_s = found
-            record = Record(key, _strict_json(inputs), status, _strict_json(result), cpu_s)
+            record = Record(key, strict_json(inputs), status, strict_json(result), cpu_s)
             if record.status not in ("ok", "failed") or record.result.get("status", status) != status:
                 raise ValueError("its status is neither ok nor failed")
             return record

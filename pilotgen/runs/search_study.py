@@ -19,7 +19,8 @@ from pilotgen.runs.journal import Journal
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import DISTANCE, Row, columns_of, write_results
 from pilotgen.runs.session import Run, Say, open_batch, provenance
-from pilotgen.study.study import SearchSettings, Study
+from pilotgen.study.sections import SearchSettings
+from pilotgen.study.study import Study
 
 
 def search_study(

@@ -13,7 +13,7 @@ import numpy as np
 
 from pilotgen.search import ranking, termination
 from pilotgen.search.problem import Problem
-from pilotgen.study.study import SearchSettings
+from pilotgen.study.sections import SearchSettings
 
 Evaluate = Callable[[np.ndarray, int], np.ndarray]
 

@@ -12,7 +12,7 @@ import numpy as np
 from pilotgen.search import sampling
 from pilotgen.search.algorithm import Search
 from pilotgen.search.problem import Problem
-from pilotgen.study.study import SearchSettings
+from pilotgen.study.sections import SearchSettings
 
 
 class Nsga2Search(Search):

@@ -11,7 +11,7 @@ import numpy as np
 
 from pilotgen.population.region import Region
 from pilotgen.study.schema import is_whole
-from pilotgen.study.study import SearchSettings
+from pilotgen.study.sections import SearchSettings
 
 
 @dataclass(frozen=True, eq=False)

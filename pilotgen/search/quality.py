@@ -15,7 +15,7 @@ from pilotgen.search.algorithm import SearchResult
 from pilotgen.search.problem import Problem
 from pilotgen.search.ranking import hypervolume
 from pilotgen.search.search import run_search
-from pilotgen.study.study import SearchSettings
+from pilotgen.study.sections import SearchSettings
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pilotgen.search.algorithm import Evaluate, Search, SearchResult
 from pilotgen.search.genetic import GeneticSearch
 from pilotgen.search.problem import Problem
-from pilotgen.study.study import SearchSettings
+from pilotgen.study.sections import SearchSettings
 
 
 def make_search(problem: Problem, settings: SearchSettings) -> Search:

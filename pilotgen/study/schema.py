@@ -1,7 +1,7 @@
 """The schema of a study: every key by its path, with type, unit, range, default, hint and meaning.
 
 Who adds a number to studies adds a row here and a field of the same name to the dataclass that holds its section
-(`pilotgen/study/study.py`). Reading, `--set` and `search.variables` follow; a test holds the format page
+(`pilotgen/study/sections.py`). Reading, `--set` and `search.variables` follow; a test holds the format page
 (`docs/io_formats/study.md`) against this table.
 
 Limits are sanity limits: beyond them a value is a slip (of units, mostly), not a design or a pilot.

@@ -15,32 +15,29 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.objectives import quantiles
-from pilotgen.study.cockpit_numbers import CockpitNumbers, cockpit_from
-from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, Value, shown
-from pilotgen.study.inceptor_section import check_friction
-from pilotgen.study.loop_section import COLLECTIVE, LoopSignals, loop_from
-from pilotgen.study.population_section import check_within, population_from, within_from
+from pilotgen.study.cockpit_numbers import CockpitNumbers
+from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, shown
+from pilotgen.study.loop_section import COLLECTIVE, LoopSignals
+from pilotgen.study.population_section import check_within
 from pilotgen.study.reader import read_tree
-from pilotgen.study.rotorcraft import Rotorcraft, beside, check_rotorcraft, rotorcraft_from
+from pilotgen.study.rotorcraft import Rotorcraft, beside, check_rotorcraft
 from pilotgen.study.schema import (
-    MAYO_PRESETS,
     OTHER_MASS,
     PILOT_VALUES,
     SCHEMA,
     applies,
-    defaults,
     locate,
     members,
 )
-from pilotgen.study.torso_numbers import LUMPED, RIGID, TorsoNumbers, torso_from
+from pilotgen.study.sections import MAKERS, Inceptor, PilotSettings, SearchSettings, calibrated_gains
+from pilotgen.study.torso_numbers import LUMPED, RIGID
 from pilotgen.study.uncertain_check import check_uncertain
-from pilotgen.study.uncertain_section import check_robust, merged, uncertain_from
+from pilotgen.study.uncertain_section import check_robust, merged
 from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,
@@ -50,61 +47,6 @@ from pilotgen.study.yaml_file import (
     yaml_from_text,
     yaml_text,
 )
-
-
-@dataclass(frozen=True)
-class Inceptor:
-    """The collective lever."""
-
-    lever_length_m: float  # hinge to grip
-    gearing_rad_per_m: float  # blade pitch per grip travel, G0 of the reference paper
-    position: float  # 0 full down, 1 full up
-    friction: Mapping[str, Any] | None = None  # numbers of its friction, complete
-
-
-@dataclass(frozen=True)
-class Reflex:
-    """Gains of the stretch reflex, a = a0 + Kp (x - x0) + Kd v (positive gains oppose stretch)."""
-
-    proportional_gain: float
-    derivative_gain: float
-
-
-@dataclass(frozen=True)
-class PilotSettings:
-    """How the pilot is modelled; keys of the multibody model keep their defaults when the model is Mayo's."""
-
-    model: str  # "multibody" | "mayo"
-    washout_rad_s: float | None = 3.10
-    sex: str = "male"  # "male" | "female"
-    task: str = "position"  # "position" | "force" | "relax"
-    limbs: tuple[str, ...] = ("left",)
-    projection: str = "exact"  # "exact" | "literal"
-    seat: str = "design_eye"  # "design_eye" | "fixed"
-    activation_floor: float = 0.0
-    strength_factor: float = 1.0  # times the muscle force that the biometrics give
-    reflex_delay_s: float = 0.0  # of the reflex but for its undelayed share
-    reflex_undelayed_share: float = 0.5
-    reflex_pade_order: int = 3
-    matrix_coefficient_s: float = 0.01
-    reflex: Reflex | None = None  # None: the calibrated gains of the task
-    torso: TorsoNumbers = field(default_factory=lambda: torso_from(None))
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """What the search may vary and how it goes about it."""
-
-    variables: dict[str, tuple[float, float]]  # short name or path -> (lower, upper), in the order of the file
-    objectives: tuple[str, ...]
-    population: int
-    generations: int  # the initial population is the first generation
-    mutation_probability: float
-    seed: int
-    algorithm: str  # "goldberg" | "nsga2"
-    stop_rank_one_fraction: float | None  # stop when so many of the population are rank one; None: never
-    within: dict[str, Any] | None = None  # `population`, `probability` of the region to stay in; None: all of the box
-    stop_unchanged_generations: int | None = None  # stop when so many found nothing worse; None: never
 
 
 @dataclass(frozen=True)
@@ -248,7 +190,7 @@ class Study:
             if section not in trees:
                 bases[section], trees[section] = self._plain(section), self._plain(section)
             elif keys and isinstance(trees[section], str):
-                base = _MAKERS[section](trees[section])
+                base = MAKERS[section](trees[section])
                 bases[section], trees[section] = _plain(base), _plain(base)
             if not keys:
                 trees[section] = data
@@ -268,7 +210,7 @@ class Study:
             before = bases["rotorcraft"]
             others = [key for key, number in before.items() if number != rotorcraft[key] and number == number]
             rotorcraft["source"] += f"; changed: {', '.join(others)}" if others else ""
-        changed = {_ATTRIBUTE.get(section, section): _MAKERS[section](tree) for section, tree in trees.items()}
+        changed = {_ATTRIBUTE.get(section, section): MAKERS[section](tree) for section, tree in trees.items()}
         study = dataclasses.replace(self, **changed)
         _check_together(study)
         if "uncertain" in trees or "search" in trees:
@@ -292,7 +234,7 @@ class Study:
         except StudyError:  # a text that is not of a study
             pass
         sections: dict[str, Any] = {}
-        for section, make in _MAKERS.items():
+        for section, make in MAKERS.items():
             data = self._plain(section)
             if section == "rotorcraft":
                 data = self.rotorcraft.given()
@@ -385,30 +327,13 @@ def apply_settings(study: Study, settings: Mapping[str, str]) -> tuple[Study, di
     return changed, {**own, **others}
 
 
-@cache
-def calibrated_gains(torso: str) -> Mapping[str, Reflex]:
-    """Gains of every task as `pilotgen calibrate` found them (pilotgen/data/reflex.yaml, docs/theory/calibration.md).
-
-    Parameters
-    ----------
-    torso : str
-        Model of the torso; each has gains of its own.
-    """
-    tasks = Value(bundled("reflex"), ("torso", torso))
-    keys = [f.name for f in dataclasses.fields(Reflex)]
-    return {
-        task: Reflex(**{key: SCHEMA[f"pilot.reflex.{key}"].read(tasks.child(task).child(key)) for key in keys})
-        for task in tasks.data
-    }
-
-
 def _study(document: YamlDocument) -> Study:
     problems = Problems()
     tree = read_tree(document, problems)
     problems.tell()
     tree["rotorcraft"], text = beside(document, tree.get("rotorcraft"))
     parts: dict[str, Any] = {}
-    for section, make in _MAKERS.items():
+    for section, make in MAKERS.items():
         with problems.collect():
             try:
                 parts[_ATTRIBUTE.get(section, section)] = make(tree.get(section))
@@ -478,51 +403,6 @@ def _from_text(name: str, text: str) -> Any:
 # ---- from checked data to the parts of a study -----------------------------------------------------------------------
 
 
-def _pilot(data: Mapping[str, Any]) -> PilotSettings:
-    usual = {key: value for key, value in defaults("pilot").items() if applies(f"pilot.{key}", data["model"])}
-    settings = PilotSettings(**{**usual, **data, "reflex": None, "torso": torso_from(data.get("torso"))})
-    if data.get("reflex") is None:
-        return settings
-    calibrated = dataclasses.asdict(calibrated_gains(settings.torso["model"])[settings.task])
-    return dataclasses.replace(settings, reflex=Reflex(**{**calibrated, **data["reflex"]}))
-
-
-def _nominal(data: str | Mapping[str, float]) -> dict[str, float]:
-    if isinstance(data, str):
-        return dict(MAYO_PRESETS[data])
-    return {key: data[key] for own in PILOT_VALUES.values() for key in own if key in data}
-
-
-def _search(data: Mapping[str, Any]) -> SearchSettings:
-    within = within_from(data.get("within"), data["variables"])
-    settings = SearchSettings(**{**defaults("search"), **data, "within": within})
-    if settings.stop_rank_one_fraction == 0.0:
-        raise Mistake("search.stop_rank_one_fraction", 0.0, "would stop at once; write null for no such stop")
-    if settings.algorithm == "nsga2" and settings.population % 2:
-        raise Mistake(
-            "search.population",
-            settings.population,
-            "must be even for search.algorithm = 'nsga2', which mates in pairs",
-        )
-    return settings
-
-
-_MAKERS: Mapping[str, Callable[[Any], Any]] = {
-    "study": lambda name: name,
-    "rotorcraft": rotorcraft_from,
-    "loop": loop_from,
-    "inceptor": lambda data: Inceptor(
-        **{**defaults("inceptor"), **data, "friction": check_friction(data.get("friction"))}
-    ),
-    "pilot": _pilot,
-    "cockpit": cockpit_from,
-    "nominal": _nominal,
-    "search": _search,
-    "population": population_from,
-    "sensitivity": lambda data: {**defaults("sensitivity"), **(data or {})},
-    "uncertain": uncertain_from,
-    "limits": lambda data: {**defaults("limits"), **(data or {})},
-}
 _ATTRIBUTE = {"study": "name"}  # where the attribute of `Study` is not called as the key
 
 

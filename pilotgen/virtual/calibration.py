@@ -33,7 +33,8 @@ from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.reflex_delay import delay_reflex
 from pilotgen.solver.descriptor import Complexes
 from pilotgen.solver.matrices import Matrices
-from pilotgen.study.study import Reflex, Study, calibrated_gains
+from pilotgen.study.sections import Reflex, calibrated_gains
+from pilotgen.study.study import Study
 from pilotgen.study.torso_numbers import RIGID
 from pilotgen.study.yaml_file import bundled
 from pilotgen.summary import GRIP_FREQUENCY_HZ

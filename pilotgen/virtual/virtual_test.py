@@ -24,7 +24,7 @@ from pilotgen.files import write_text
 from pilotgen.hdf5 import opened, text
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS
 from pilotgen.solver.descriptor import Complexes, Floats
-from pilotgen.study.study import Reflex
+from pilotgen.study.sections import Reflex
 
 MOTION_FILETYPE, MOTION_VERSION = "pilotgen motion", 1
 OUTPUT_CHANNEL = "lever.gz"

@@ -18,7 +18,8 @@ from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation,
 from pilotgen.linear.feedthrough import certificate
 from pilotgen.posture.cockpit import make_cockpit
 from pilotgen.solver.client import SolverClient
-from pilotgen.study.study import Reflex, Study, read_study
+from pilotgen.study.sections import Reflex
+from pilotgen.study.study import Study, read_study
 from pilotgen.virtual.calibration import grip_mass, grip_stiffness
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"

@@ -13,7 +13,8 @@ import pytest
 
 from pilotgen.search import Problem, run_search
 from pilotgen.search.quality import compare_with_nsga2
-from pilotgen.study.study import SearchSettings, read_study
+from pilotgen.study.sections import SearchSettings
+from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 

@@ -32,7 +32,8 @@ from pilotgen.evaluation import (
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
 from pilotgen.posture.seated_torso import SeatedTorso, seat_torso
 from pilotgen.solver.mbdyn_check import check_mbdyn
-from pilotgen.study.study import Study, calibrated_gains, read_study
+from pilotgen.study.sections import calibrated_gains
+from pilotgen.study.study import Study, read_study
 from pilotgen.study.torso_numbers import torso_from
 
 STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"

@@ -14,7 +14,8 @@ import pytest
 
 from pilotgen.evaluation import Evaluation, EvaluationContext, SolvedPilot, evaluate, solve_pilot
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
-from pilotgen.study.study import calibrated_gains, read_study
+from pilotgen.study.sections import calibrated_gains
+from pilotgen.study.study import read_study
 from pilotgen.virtual.calibration import FITTED, CalibrationPilot, reference_study, references, seen_by_mayo
 
 STUDY = Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml"

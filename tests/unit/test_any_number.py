@@ -29,7 +29,8 @@ from pilotgen.runs.results import read_results
 from pilotgen.search.problem import Problem
 from pilotgen.study.fields import Vector
 from pilotgen.study.schema import SCHEMA, applies, field_of, is_whole, locate, names, study_unit
-from pilotgen.study.study import Study, calibrated_gains, study_from_text
+from pilotgen.study.sections import calibrated_gains
+from pilotgen.study.study import Study, study_from_text
 
 STUDY = study_from_text(MULTIBODY, "s.yaml")
 MAYO_STUDY = study_from_text(MAYO, "m.yaml")

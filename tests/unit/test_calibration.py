@@ -20,7 +20,8 @@ from pilotgen.errors import EvaluationError
 from pilotgen.evaluation import EvaluationContext
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.study.schema import MAYO_PRESETS
-from pilotgen.study.study import Reflex, Study, calibrated_gains, read_study
+from pilotgen.study.sections import Reflex, calibrated_gains
+from pilotgen.study.study import Study, read_study
 from pilotgen.virtual.calibration import (
     FITTED,
     PREDICTED,

@@ -144,6 +144,24 @@ def test_what_other_commands_found(tmp_path: Path) -> None:
     assert section.answer == "damper, 10 N s/m"
     assert section.sentences == ("A damper does it.", "damper and notch: 300 of 400 points keep 6 dB.")
     assert section.table is not None and section.table["rows"] == [["damper", "40 N s/m", "7.3"]]
-    (tmp_path / "cures.json").write_text("[1]")
-    with pytest.raises(FileError, match=r"cures\.json: cannot be read"):
-        read_section(tmp_path)
+    no_amount = {**content, "cures": [{**row, "best": {"worst": {"amount": [], "bought": 7.34}}}]}
+    for damaged in ("", "[1]", "[" * 100_000, '{"sentence": NaN}', '{"sentence": "', json.dumps(no_amount)):
+        (tmp_path / "cures.json").write_text(damaged)
+        with pytest.raises(FileError, match=r"cures\.json: cannot be read"):
+            read_section(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["uncertain", "population", "rare", "sensitivity"])
+def test_what_other_commands_found_was_damaged(tmp_path: Path, name: str) -> None:
+    margins = {"gain_margin_db": {"quantiles": {}}, "": []}
+    for content in (
+        {},
+        {"shares": {}},
+        {"shares": 3},
+        {"margins": margins},
+        {"objectives": []},
+        {"event": [], "name": 1},
+    ):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+        with pytest.raises(FileError, match=rf"{name}\.json: cannot be read as what its command writes"):
+            read_section(tmp_path)

@@ -20,7 +20,7 @@ from pilotgen.search.termination import (
     rank_one_share,
     stopped_by,
 )
-from pilotgen.study.study import SearchSettings
+from pilotgen.study.sections import SearchSettings
 
 ALGORITHMS = ["goldberg", "nsga2"]
 
@@ -245,7 +245,7 @@ def test_one_and_three_objectives(objectives: tuple[str, ...]) -> None:
 
 def test_an_objective_that_nothing_moves_leaves_the_hypervolume_of_the_other() -> None:
     from pilotgen.search.quality import compare_with_nsga2
-    from pilotgen.study.study import SearchSettings
+    from pilotgen.study.sections import SearchSettings
 
     settings = SearchSettings(
         variables={"bmi": (18.0, 30.0), "stature_m": (1.55, 2.0)},

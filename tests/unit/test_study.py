@@ -20,7 +20,8 @@ from pilotgen.errors import StudyError
 from pilotgen.study.cockpit_numbers import cockpit_numbers
 from pilotgen.study.fields import Choice, Number, Section, Truth, Vector, Whole, Words
 from pilotgen.study.schema import SCHEMA
-from pilotgen.study.study import Inceptor, Study, apply_settings, read_study, study_from_text
+from pilotgen.study.sections import Inceptor
+from pilotgen.study.study import Study, apply_settings, read_study, study_from_text
 from pilotgen.study.torso_numbers import torso_from
 from pilotgen.study.yaml_file import bundled
 
