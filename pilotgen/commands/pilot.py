@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pilotgen.commands import common
 from pilotgen.errors import StudyError
-from pilotgen.files import to_json
+from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
 from pilotgen.progress_line import counted
 from pilotgen.study.fields import setting_text
@@ -102,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
             print(common.failure_text(outcome, directory), file=sys.stderr)
             return 2
         outcome.pilot_model.write(directory / "pilot_model.h5")
+        write_text(directory / "study.yaml", study.text)  # for `pilotgen view`
         if not args.json:
             print(summary(content), flush=True)
         if not args.no_figures:

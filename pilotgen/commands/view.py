@@ -11,7 +11,8 @@ from typing import Any
 
 from pilotgen.commands import common
 from pilotgen.errors import FileError
-from pilotgen.files import read_strict_json
+from pilotgen.files import read_strict_json, refuse_special
+from pilotgen.objectives import MARGINS
 
 WRITES = ("pilot.html", "front/*/pilot.html")
 
@@ -48,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
     of_front = directory.parent.name == "front" and not (directory / "study.yaml").is_file()
     home = directory.parent.parent if of_front else directory
     path = home / "study.yaml"
+    refuse_special(path)
     try:
         study = study_from_text(path.read_text(encoding="utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
@@ -83,4 +85,12 @@ def _result(path: Path) -> dict[str, Any]:
         raise FileError(f"{path}: cannot be read ({error}); evaluate the pilot again with pilotgen pilot") from None
     if not isinstance(content, dict) or content.get("status") != "ok" or not isinstance(content.get("values"), dict):
         raise FileError(f"{path}: holds no pilot who could be evaluated; there is nothing to show")
+    try:
+        margins = [row.of(content) for row in MARGINS]
+        sound = all(isinstance(margin, float | int) for margin in margins)
+    except (LookupError, TypeError, ValueError, AttributeError):
+        sound = False
+    kinds = {"caveats": list, "provenance": dict}
+    if not sound or not all(isinstance(content.get(key, kind()), kind) for key, kind in kinds.items()):
+        raise FileError(f"{path}: is damaged; evaluate the pilot again with pilotgen pilot")
     return content

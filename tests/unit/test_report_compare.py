@@ -123,6 +123,16 @@ def test_without_figures_there_is_no_page(tmp_path: Path, capsys: pytest.Capture
     study = ROOT / "docs" / "studies" / "puma-mayo.yaml"
     assert main(["pilot", str(study), "-o", str(tmp_path / "out"), "--no-figures"]) == 0
     assert not (tmp_path / "out" / "pilot.html").exists()
+    assert main(["view", str(tmp_path / "out")]) == 0  # it can be had later
+    assert (tmp_path / "out" / "pilot.html").exists()
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    for damage in ({"provenance": []}, {"caveats": 1}, {"loop": None}, {"loop": {}}, {"loop": {"gain_margin_db": "x"}}):
+        (tmp_path / "out" / "result.json").write_text(json.dumps({**result, **damage}))
+        assert main(["view", str(tmp_path / "out")]) == 1
+        assert "result.json: is damaged; evaluate the pilot again" in capsys.readouterr().err, damage
+    (tmp_path / "out" / "result.json").write_text("[" * 100_000)
+    assert main(["view", str(tmp_path / "out")]) == 1
+    assert "nested without end" in capsys.readouterr().err
     assert main(["view", str(tmp_path)]) == 1
     assert "result.json does not exist" in capsys.readouterr().err
     (tmp_path / "out" / "result.json").write_text('{"status": "failed", "values": {}}')
