@@ -24,6 +24,7 @@ from pilotgen.objectives import OBJECTIVES
 from pilotgen.output import STUDY_FILES, claimed
 from pilotgen.people_api import Found, rare_share, sample_population, sensitivity_of, uncertain_pilot
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
+from pilotgen.runs.monitor import heard
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, StudyResults, columns_of, flat_columns, read_results, structured_array
 from pilotgen.study.loop_section import LoopSignals
@@ -371,7 +372,8 @@ def search_pilots(
     study = study.with_own_text()  # what was changed after reading is written down too
     options = options or RunOptions()
     with claimed(Path(directory), "search", STUDY_FILES, options.resume, overwrite) as place:
-        run = search_study(study, place, options, on_progress)
+        with heard(place, on_progress) as told:
+            run = search_study(study, place, options, told)
         if report:
             from pilotgen.report import write_report
 
@@ -406,8 +408,11 @@ def sample_pilots(
 
     study = study.with_own_text()
     options = options or RunOptions()
-    with claimed(Path(directory), "sample", STUDY_FILES, options.resume, overwrite) as place:
-        run = sample_study(study, place, number, method, seed, options, on_progress)
+    with (
+        claimed(Path(directory), "sample", STUDY_FILES, options.resume, overwrite) as place,
+        heard(place, on_progress) as told,
+    ):
+        run = sample_study(study, place, number, method, seed, options, told)
     return open_results(run.path)
 
 

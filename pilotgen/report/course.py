@@ -30,7 +30,7 @@ def course_rows(course: Course | None, results: StudyResults) -> list[tuple[str,
         ]
     size = course.worker_memory_bytes
     rows += [
-        ("workers", str(course.workers) if course.workers else "those of a scheduler"),
+        ("workers", f"{course.workers or 'those of a scheduler'}{' in the last run' if course.runs > 1 else ''}"),
         ("largest worker", f"{size / 1e6:.0f} MB, solver included" if size else "not measured"),
         ("failed", _by_stage(results)),
     ]

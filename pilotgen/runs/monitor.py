@@ -11,8 +11,8 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,7 +21,7 @@ from typing import Any
 from pilotgen.errors import FileError
 from pilotgen.files import refuse_special, write_text
 from pilotgen.output import HEARTBEAT_NAME, LOCK_NAME, read_mark
-from pilotgen.runs.batch import Progress
+from pilotgen.runs.batch import OnProgress, Progress
 from pilotgen.runs.journal import JOURNAL_NAME
 
 HEARTBEAT_S = 5.0  # between two beats, at least
@@ -115,6 +115,22 @@ class Monitor:
         }  # fmt: skip
         with suppress(FileError):  # of no use to the run itself; a full disk is told by who needs the space
             write_text(self._directory / HEARTBEAT_NAME, json.dumps(beat, allow_nan=False) + "\n")
+
+
+@contextmanager
+def heard(directory: Path, on_progress: OnProgress | None) -> Iterator[OnProgress]:
+    """Who is told of a run's progress, so that its heartbeat is written, and `on_progress` called, if there is one."""
+    monitor = Monitor(directory)
+
+    def told(progress: Progress, milestone: bool) -> None:
+        monitor(progress, milestone)
+        if on_progress is not None:
+            on_progress(progress, milestone)
+
+    try:
+        yield told
+    finally:
+        monitor.end("done")
 
 
 def _numbers(progress: Progress) -> dict[str, Any]:

@@ -155,6 +155,8 @@ TEST_CASE("mistakes in nodes") {
               "test.mbd:10:13: error: found 1.5, expected a node label (an integer)\n");
   check_nodes("structural: 1, dynamic, null, matr, 1., 0., 0., 0., 2., 0., 0., 0., 1., null, null;",
               "test.mbd:10:31: error: the matrix is not a rotation: |R^T R - I| = 3\n");
+  check_nodes("structural: 1, dynamic, null, matr, 1e300, 0., 0., 0., 2., 0., 0., 0., 1., null, null;",
+              "test.mbd:10:31: error: the matrix is not a rotation: its entries are too large\n");
   check_nodes("structural: 1, dynamic, null, matr, 1., 0., 0., 0., 1., 0., 0., 0., -1., null, null;",
               "test.mbd:10:31: error: the matrix is a reflection (determinant -1), expected a rotation\n");
   check_nodes("structural: 1, dynamic, null eye, null, null;",

@@ -16,6 +16,7 @@ import pytest
 
 import pilotgen as pg
 from pilotgen import api
+from pilotgen.runs.monitor import read_course
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 
@@ -98,6 +99,8 @@ def test_search_and_sample(study: pg.Study, tmp_path: Path) -> None:
     assert worst["gain_margin_db"] == np.min(found.table()["gain_margin_db"])
     json.dumps(found.to_dict(), allow_nan=False)
     assert found.to_dict() == pg.open_results(tmp_path / "search").to_dict()
+    course = read_course(tmp_path / "search")  # for a report, or `pilotgen status`
+    assert course is not None and (course.runs, course.workers, course.evaluated) == (1, 1, 16)
     with pytest.raises(pg.PilotgenError, match="already holds a study"):
         pg.search_pilots(small, tmp_path / "search", report=False)
     sample = pg.sample_pilots(small, tmp_path / "sample", 8, options=pg.RunOptions(workers=1))

@@ -196,7 +196,7 @@ def test_how_the_run_went(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undra
     text = page_of(tmp_path).text
     assert "runs 2, each going on from the one before" in text
     assert "24 pilots in 2:00 of wall time rate 0.2 pilots per second CPU time per pilot 50 ms, solver included" in text
-    assert f"workers 2 largest worker 90 MB, solver included failed 2 at {FAILED['stage']}" in text
+    assert f"workers 2 in the last run largest worker 90 MB, solver included failed 2 at {FAILED['stage']}" in text
     before = (tmp_path / "report.html").read_bytes()
     write_report(tmp_path, study)
     assert (tmp_path / "report.html").read_bytes() == before

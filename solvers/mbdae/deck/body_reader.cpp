@@ -28,6 +28,7 @@ void check_inertia(Input& input, const SourcePosition& where, const Mat3& J) {
   }
   const Eigen::SelfAdjointEigenSolver<Mat3> solver(0.5 * (J + J.transpose()), Eigen::EigenvaluesOnly);
   const Vec3& moments = solver.eigenvalues();  // ascending
+  if (!moments.allFinite()) input.fail(where, "the inertia matrix is too large to have principal moments");
   if (!(moments(0) >= -kRoundOff * scale)) {
     input.fail(where, "the inertia matrix has a negative principal moment, " + number_text(moments(0)) + " kg m^2");
   }

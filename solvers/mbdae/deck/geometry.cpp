@@ -38,7 +38,8 @@ Mat3 explicit_rotation(Input& input, const SourcePosition& where) {
   }
   const double error = (R.transpose() * R - Mat3::Identity()).cwiseAbs().maxCoeff();
   if (!(error < kNoRotation)) {
-    input.fail(where, "the matrix is not a rotation: |R^T R - I| = " + number_text(error));
+    const std::string size = std::isfinite(error) ? "|R^T R - I| = " + number_text(error) : "its entries are too large";
+    input.fail(where, "the matrix is not a rotation: " + size);
   }
   if (R.determinant() < 0.0) input.fail(where, "the matrix is a reflection (determinant -1), expected a rotation");
   if (error > kRoundedRotation) {
