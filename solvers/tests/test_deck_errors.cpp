@@ -93,6 +93,8 @@ TEST_CASE("mistakes in elements") {
   check_elements("body: 1, 1, -1., null, eye;", "test.mbd:14:13: error: found a mass of -1 kg, expected 0 or more\n");
   check_elements("body: 1, 1, 1., null, diag, 1., 1., -1.;",
                  "test.mbd:14:23: error: the inertia matrix has a negative principal moment, -1 kg m^2\n");
+  check_elements("body: 1, 1, 1., null, sym, 0.05, 0.001, 0.002, 0.06, 0.003, 1e308;",
+                 "test.mbd:14:23: error: the inertia matrix is too large to have principal moments\n");
   check_elements("body: 1, 1, 1., null, matr, 1., 2., 3., 0., 1., 0., 0., 0., 1.;",
                  "test.mbd:14:23: error: the inertia matrix is not symmetric\n");
   check_elements("body: 1, 1, 1., 0., 0., 0.;",
