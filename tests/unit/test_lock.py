@@ -32,7 +32,7 @@ def test_every_locked_version_runs_on_the_oldest_python() -> None:
         if found.version != version:
             continue  # `make test LOCK=` has newer ones
         seen += 1
-        wanted = SpecifierSet(found.metadata["Requires-Python"] or "")
+        wanted = SpecifierSet((found.metadata.get_all("Requires-Python") or [""])[0])
         assert wanted.contains(PYTHON.group(1)), f"{name} {version} wants Python {wanted}"
     if not seen:
         pytest.skip("none of the locked versions is installed")
