@@ -126,7 +126,13 @@ def draw(content: Mapping[str, Any], directory: Path) -> None:
 
 def lines(content: Mapping[str, Any]) -> list[str]:
     """What cures, as a sentence and tables."""
-    told = [content["sentence"], "", "each alone, as far as is practicable:"]
+    costs = "costs beside each other are estimated: --only and --without leave cures out"
+    told = [
+        content["sentence"],
+        *([costs] if content["proposal"]["amounts"] else []),
+        "",
+        "each alone, as far as is practicable:",
+    ]
     for row in content["cures"]:
         why = "" if row["remedy"] else " (an influence, no remedy)"
         told.append(f"  {row['best']['worst']['sentence']}{why}")
@@ -134,16 +140,21 @@ def lines(content: Mapping[str, Any]) -> list[str]:
     told += ["", f"{'pilot':18} {'before':>28}   {'after':>28}"]
     for row in content["proposal"]["pilots"]:
         told.append(f"{row['name']:18} {_margins(row['before']):>28}   {_margins(row['after']):>28}")
+    if any("no crossing" in line for line in told):
+        told.append("(no crossing: |L| stays below 1, and a phase margin is not needed)")
     told += _kicked(content["simulation"])
     people = content["population"]
     if people is not None:
         shares = [people[when]["missing_a_limit"] for when in ("before", "after")]
-        told += ["", "people who miss a limit: " + ", ".join(_share(s) for s in shares) + " (before, after)"]
+        told += [
+            "",
+            f"of {people['people']} people miss a limit: before {_share(shares[0])}, after {_share(shares[1])}",
+        ]
     if content["maps"]:
         told += ["", "maps:", *(f"  {found['sentence']}" for found in content["maps"])]
     changes = content["proposal"]["changes"]
     if changes:
-        told += ["", "as settings: " + " ".join(f"{path}={value:.6g}" for path, value in changes.items())]
+        told += ["", "as settings (--set): " + " ".join(f"{path}={value:.6g}" for path, value in changes.items())]
     return told
 
 
@@ -172,7 +183,10 @@ def _kicked(found: Mapping[str, Any] | None) -> list[str]:
     rows = []
     for when in ("before", "after"):
         row, fit = found[when], found[when]["fit"]
-        decay = "" if fit is None else f", {fit['frequency_hz']:.2f} Hz, growth {fit['growth_rad_s']:+.2f} per s"
+        decay = ""
+        if fit is not None:
+            way = "decays" if fit["growth_rad_s"] < 0.0 else "GROWS"
+            decay = f"; {way} by {abs(fit['growth_rad_s']):.2f} 1/s at {fit['frequency_hz']:.2f} Hz"
         most, last = row["largest_grip_travel_mm"], row["swing_at_the_end_mm"]
         rows.append(f"{when}: {most:.1f} mm at most, {last:.3f} mm at the end{decay}")
     told = ["", f"the {found['pilot']} pilot's grip after a kick of {found['kick_n']:g} N:", *(f"  {r}" for r in rows)]

@@ -23,27 +23,38 @@ _COLUMNS = 4
 
 @style.styled
 def each_alone(content: Mapping[str, Any]) -> Figure:
-    """Gain margin over the amount of every cure, worst and nominal pilot; the limit dotted."""
+    """Gain margin over the amount of every cure, worst and nominal pilot; the limit dotted.
+
+    Friction has an axis of its own: its margins are of swings of one size.
+    """
     import matplotlib.pyplot as plt
 
     rows = content["cures"]
     high = math.ceil(len(rows) / _COLUMNS)
     figure, grid = plt.subplots(
-        high, _COLUMNS, figsize=(style.PAGE_WIDTH_IN, 1.9 * high), sharey=True, squeeze=False, layout="constrained"
+        high, _COLUMNS, figsize=(style.PAGE_WIDTH_IN, 1.9 * high), squeeze=False, layout="constrained"
     )
     limit = content["limits"].get("gain_margin_db")
-    for axes, row in zip(grid.ravel(), rows, strict=False):
+    linear = []
+    for place, (axes, row) in enumerate(zip(grid.ravel(), rows, strict=False)):
         for name, color in (("worst", style.VERMILLION), ("nominal", style.BLUE)):
             gain = np.array(row["margins"][name]["gain_margin_db"], dtype=float)
             axes.plot(row["amounts"], gain, ".-", color=color, label=f"{name} pilot")
         if limit is not None:
             axes.axhline(limit, color=style.BLACK, linestyle=":", linewidth=1.0)
         axes.set_title(row["label"] + ("" if row["remedy"] else " *"), fontsize=8.0)
-        axes.set_xlabel(row["unit"].split(",")[0], fontsize=7.0)
+        swings = f", in swings of {content['swing_mm']:g} mm" if row["by_name"] else ""
+        axes.set_xlabel(row["unit"].split(",")[0] + swings, fontsize=7.0)
+        if not row["by_name"]:
+            linear.append(axes)
+            axes.tick_params(labelleft=place % _COLUMNS == 0)
+        if row["by_name"] or place % _COLUMNS == 0:
+            axes.set_ylabel("gain margin [dB]")
     for axes in grid.ravel()[len(rows) :]:
         axes.set_visible(False)
-    for axes in grid[:, 0]:
-        axes.set_ylabel("gain margin [dB]")
+    ends = [axes.get_ylim() for axes in linear]
+    for axes in linear:
+        axes.set_ylim(min(low for low, _ in ends), max(high for _, high in ends))
     grid[0, 0].legend(loc="best", fontsize=7.0)
     return figure
 
@@ -88,6 +99,7 @@ def cure_map(content: Mapping[str, Any], pair: tuple[str, str]) -> Figure:
             j, i = np.nonzero(np.isnan(stable))
             axes.plot(x[i], y[j], "x", color=style.BLACK, markersize=4.0)
             white = " (white: |L| < 1)" if key == "phase_margin_deg" and np.isnan(values).any() else ""
+            white = " (no phase margin: |L| < 1)" if key == "modulus_margin" else white
             axes.set_title(f"{found['pilot']} pilot: {OBJECTIVES[key].label}{white}", fontsize=9.0)
         row[0].set_ylabel(_axis(content, found["y"]), fontsize=8.0)
     for axes in grid[-1]:

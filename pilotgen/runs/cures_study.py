@@ -48,6 +48,7 @@ KIND = "cures"
 RESULT_NAME, STUDY_NAME = "cures.json", "cured.yaml"
 FILETYPE, VERSION = "pilotgen cures", 1
 CURVE_POINTS = 9  # amounts of a cure alone
+HALVINGS = 6  # between two of them, of what is enough: one part in 500 of what is practicable
 ROUNDS = 6  # of proposal and worst pilots bred for it
 TASKS = ("position", "force", "relax")
 TELLING_DB = 0.05  # a cure that buys less is told as buying nothing
@@ -200,27 +201,53 @@ def _alone(clinic: Clinic, cure: Cure, patients: Sequence[Patient]) -> dict[str,
     for patient in patients:
         results = clinic.treated([patient.values] * len(doses), doses)
         found["margins"][patient.name] = margins_of(results)
-        score = [-clinic.violation(r) if clinic.limits else gain_db(r) for r in results]
+        score = np.array([-clinic.violation(r) if clinic.limits else gain_db(r) for r in results])
         k = int(np.argmax(score))
-        bought = gain_db(results[k]) - gain_db(patient.before)
+        gains = np.array([gain_db(result) for result in results]) - gain_db(patient.before)
+        enough = _enough(clinic, cure, patient, amounts, score) if clinic.limits else None
         found["best"][patient.name] = {
             "amount": float(amounts[k]),
-            "bought": bought if math.isfinite(bought) else 0.0,
-            "sentence": _what_it_buys(clinic, cure, float(amounts[k]), bought, patient.name),
+            "bought": float(gains[k]) if math.isfinite(gains[k]) else 0.0,
+            "enough": enough,
+            "sentence": _what_it_buys(clinic, cure, float(amounts[k]), gains, k, enough, patient.name),
         }
     return found
 
 
-def _what_it_buys(clinic: Clinic, cure: Cure, amount: float, bought: float, who: str) -> str:
-    """`viscous damper on the lever, 20 N s/m at the grip: buys 4.3 dB for the worst pilot and costs ...`."""
+def _enough(clinic: Clinic, cure: Cure, patient: Patient, amounts: np.ndarray, score: np.ndarray) -> float | None:
+    """The amount nearest to 0 with which a pilot keeps the limits (score 0 or more), by bisection; None for none."""
+    start = int(np.argmin(np.abs(amounts)))
+    if score[start] >= 0.0:
+        return 0.0
+    ways = (range(start + 1, len(amounts)), range(start - 1, -1, -1))
+    first = [next((k for k in way if score[k] >= 0.0), None) for way in ways]
+    known = [(k, step) for k, step in zip(first, (1, -1), strict=True) if k is not None]
+    if not known:
+        return None
+    k, step = min(known, key=lambda row: abs(amounts[row[0]]))
+    too_little, enough = float(amounts[k - step]), float(amounts[k])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (too_little + enough)
+        (result,) = clinic.treated([patient.values], [{cure.key: middle}])
+        too_little, enough = (too_little, middle) if clinic.violation(result) <= 0.0 else (middle, enough)
+    return enough
+
+
+def _what_it_buys(
+    clinic: Clinic, cure: Cure, amount: float, gains: np.ndarray, best: int, enough: float | None, who: str
+) -> str:
+    """`viscous damper on the lever, 20 N s/m at the grip: buys 4.3 dB for the worst pilot; 10 are enough; ...`."""
     swings = f" in swings of {1e3 * clinic.swing_m:g} mm (larger ones feel less)" if cure.by_name else ""
+    bought = float(gains[best])
     if amount == 0.0 or bought < TELLING_DB:
-        return (
-            f"{cure.label}: buys nothing for the {who} pilot within {cure.low:g} to {cure.high:g} {cure.unit}{swings}"
-        )
-    costs = price(clinic.study, cure, amount) if cure.remedy else ""
+        lost = -float(np.min(gains[np.isfinite(gains)], initial=0.0))
+        does = f"takes up to {lost:.1f} dB from" if lost >= TELLING_DB else "buys nothing for"
+        return f"{cure.label}: {does} the {who} pilot within {cure.low:g} to {cure.high:g} {cure.unit}{swings}"
     told = f"{cure.told(amount)}: buys {bought:.1f} dB for the {who} pilot{swings}"
-    return told + (f" and costs {costs}" if costs else "")
+    if enough is not None and 0.0 < abs(enough) < 0.97 * abs(amount):
+        told += f"; {abs(enough):.3g} {'is' if abs(enough) < 1.0 else 'are'} enough"
+    costs = price(clinic.study, cure, amount) if cure.remedy else ""
+    return told + (f"; costs {costs}" if costs else "")
 
 
 def _tasks(clinic: Clinic, patients: Sequence[Patient]) -> dict[str, Any]:
@@ -341,7 +368,7 @@ def sentence(content: Mapping[str, Any], optimum: Optimum) -> str:
     if FRICTION in proposal["amounts"]:
         told += f". With friction that holds for swings of {content['swing_mm']:g} mm; larger ones feel less"
     if proposal["reached"]:
-        return f"The cheapest cure that brings every pilot of the search box to {limits}: {told}."
+        return f"The cheapest cure with which nobody worse than {limits} is found in the search box: {told}."
     if optimum.reached:
         return f"Within {ROUNDS} rounds worse pilots were found for every cure; the last, short of {limits}: {told}."
     return f"No combination within what is practicable brings the worst pilot to {limits}; what comes nearest: {told}."

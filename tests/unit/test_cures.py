@@ -152,6 +152,16 @@ def test_the_command_proposes_what_keeps_the_limits(
     one = next(row for row in found["cures"] if row["key"] == "gearing")
     gain = one["margins"]["worst"]["gain_margin_db"]  # of a loop that is linear in its gearing
     assert gain[-1] - gain[0] == pytest.approx(-20.0 * np.log10(0.75), abs=1e-6)
+    notch = next(row for row in found["cures"] if row["key"] == "notch")["best"]["worst"]
+    assert notch["enough"] is not None and f"; {notch['enough']:.3g} are enough" in notch["sentence"]
+    limits, step = found["limits"], 15.0 / 8 / 2**6
+    for amount, kept in ((notch["enough"], True), (notch["enough"] - step, False)):
+        values = {**found["pilots"]["worst"]["values"], **changes(base, {"notch": amount}, found["critical_hz"])}
+        margins = pg.evaluate(base, values).margins
+        phase = margins.phase_margin_deg
+        assert (margins.gain_margin_db >= limits["gain_margin_db"] and phase >= limits["phase_margin_deg"]) is kept
+    delay = next(row for row in found["cures"] if row["key"] == "delay")["best"]["worst"]["sentence"]
+    assert "takes up to" in delay and "dB from the worst pilot within 0 to 50 ms more" in delay
     (out / "cures.json").unlink()
     fewer = options[: options.index("--map")]
     assert main([*fewer, "--map", "notch", "low_pass", "--resume", "--workers", "1"]) == 0
