@@ -17,6 +17,7 @@ from pilotgen.files import to_json
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
+STILL_MM = 0.1
 WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map*.png", "journal.sqlite*")
 
 
@@ -165,7 +166,7 @@ def _growing(row: Mapping[str, Any]) -> list[str]:
         if swings is not None:
             cells = [
                 f"{amount:.0f} N {'-' if mm is None else f'{mm:.3g}'}"
-                for amount, mm in zip(row["amounts"], swings, strict=True)
+                for amount, mm in zip(swings["more_n"], swings["swing_mm"], strict=True)
             ]
             told.append(
                 f"    {name} pilot, unstable without: smallest swing that grows [mm; -: none within the stops]:"
@@ -183,11 +184,13 @@ def _kicked(found: Mapping[str, Any] | None) -> list[str]:
     rows = []
     for when in ("before", "after"):
         row, fit = found[when], found[when]["fit"]
+        most, last = row["largest_grip_travel_mm"], row["swing_at_the_end_mm"]
         decay = ""
-        if fit is not None:
+        if row["hits_stop"] and last > STILL_MM:
+            decay = "; it goes on, and meets the stops"
+        elif fit is not None:
             way = "decays" if fit["growth_rad_s"] < 0.0 else "GROWS"
             decay = f"; {way} by {abs(fit['growth_rad_s']):.2f} 1/s at {fit['frequency_hz']:.2f} Hz"
-        most, last = row["largest_grip_travel_mm"], row["swing_at_the_end_mm"]
         rows.append(f"{when}: {most:.1f} mm at most, {last:.3f} mm at the end{decay}")
     told = ["", f"the {found['pilot']} pilot's grip after a kick of {found['kick_n']:g} N:", *(f"  {r}" for r in rows)]
     between = found.get("kicks_with_friction")

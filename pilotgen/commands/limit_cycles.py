@@ -13,7 +13,6 @@ from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
 WRITES = ("limit_cycles.json", "growth.png", "nyquist.png", "onset.png")
-FRICTIONS_N = (0.0, 2.0, 5.0, 10.0, 20.0, 36.0, 66.0)
 
 
 def add_parser(commands: Any) -> None:
@@ -72,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, prepare, report_text
     from pilotgen.closed_loop.poles import check_open_loop
     from pilotgen.closed_loop.threshold import threshold
+    from pilotgen.cures.friction import LEVELS_N
     from pilotgen.decks.vehicle import Friction
     from pilotgen.errors import StudyError
     from pilotgen.progress_line import ProgressLine
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
                     context,
                     loop,
                     friction or Friction(10.0, 10.0, 0.02, 0.0, 2e-4),
-                    sorted(args.frictions or FRICTIONS_N),
+                    sorted(args.frictions or LEVELS_N),
                     sorted(args.gearings or [round(gearing * k, 4) for k in (0.8, 1.0, 1.2, 1.4, 1.6)]),
                     args.verify,
                     tell=lambda done, total: line.update(f"{done}/{total} cells of the map"),

@@ -23,6 +23,8 @@ from pilotgen.study.inceptor_section import INCEPTOR_ROWS
 from pilotgen.study.study import Study
 
 SWING_MM = 10.0  # amplitude of the grip for which friction is told, if nobody says another (docs/theory/cures.md)
+LEVELS_N = (0.0, 2.0, 5.0, 10.0, 20.0, 36.0, 66.0)  # at which swings that grow are looked for; the last two from bounce
+# accidents and a UH-1B's manual (pilotgen/data/cures.yaml)
 SAMPLES = 256  # of a period
 _PATH = "inceptor.friction"
 

@@ -10,16 +10,17 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from pilotgen.cures.friction import as_built
+from pilotgen.cures.friction import LEVELS_N, as_built, more_friction
 from pilotgen.errors import PilotgenError
 from pilotgen.objectives import GAIN_MARGIN
 from pilotgen.runs.options import RunOptions
 from pilotgen.study.study import Study
 
 KICK_N, KICK_DURATION_S = 10.0, 4.0  # on the grip, in the verification
+SHOWN = ("largest_grip_travel_mm", "swing_at_the_end_mm", "hits_stop", "fit")
 BISECTIONS = 6  # of the smallest kick that goes on: to 1 %
 
 
@@ -39,8 +40,9 @@ def simulated(study: Study, proposal: Mapping[str, Any], friction: bool, options
     found: dict[str, Any] = {"pilot": worst["name"], "kick_n": KICK_N, "duration_s": KICK_DURATION_S}
     try:
         check_study(study)
-        for when, change in (("before", {}), ("after", proposal["changes"])):
-            values = {**worst["before"]["values"], **change}
+        changes: dict[str, Mapping[str, Any]] = {"before": {}, "after": proposal["changes"]}
+        for when, change in changes.items():
+            values = study.values({**worst["before"]["values"], **change})  # with what the search left as it is
             with EvaluationContext(study, mbdae=options.mbdae) as context:
                 loop = close_in_deck(context, values)
                 check_kick(loop, "lever", KICK_N)
@@ -53,36 +55,33 @@ def simulated(study: Study, proposal: Mapping[str, Any], friction: bool, options
                         "largest_that_dies_n": None if between is None else between.dies_n,
                         "smallest_that_goes_on_n": None if between is None else between.goes_on_n,
                     }
-            found[when] = {key: content[key] for key in ("largest_grip_travel_mm", "swing_at_the_end_mm", "fit")}
+            found[when] = {key: content[key] for key in SHOWN}
     except PilotgenError as error:
         return {**found, "reason": str(error)}
     return found
 
 
-def smallest_swings(
-    study: Study, values: Mapping[str, Any], amounts_n: Sequence[float], options: RunOptions
-) -> list[float | None] | None:
-    """Smallest swing of the grip that grows [mm] with so much more friction, of a pilot whose loop is unstable.
+def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions) -> dict[str, Any] | None:
+    """Smallest swing of the grip that grows [mm] by so much more friction [N], of a pilot whose loop is unstable.
 
-    By the harmonic balance with clipped activations, stops and the arm's geometry. 0: every swing grows; None in the
-    list: every swing within the stops dies; None for the list: no deck holds this loop, or no swing was balanced.
+    By the harmonic balance with clipped activations, stops and the arm's geometry. 0: every swing grows; None for a
+    swing: every one within the stops dies; None for all: no deck holds this loop, or no swing was balanced.
     """
     from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
     from pilotgen.closed_loop.limit_cycles import onset_map
-    from pilotgen.cures.friction import more_friction
     from pilotgen.evaluation import EvaluationContext
 
     try:
         check_study(study)
         with EvaluationContext(study, mbdae=options.mbdae) as context:
-            loop = close_in_deck(context, dict(values))
-            totals = [float(as_built(study, x)["inceptor.friction.breakout_n"]) for x in amounts_n]
+            loop = close_in_deck(context, study.values(values))
+            totals = [float(as_built(study, x)["inceptor.friction.breakout_n"]) for x in LEVELS_N]
             kind = friction_of(study) or more_friction(study, max(totals) or 1.0)
             gearing = loop.study.inceptor.gearing_rad_per_m
             (row,) = onset_map(context, loop, kind, totals, [gearing]).swing_mm.tolist()
     except PilotgenError:
         return None
-    return [float(value) if math.isfinite(value) else None for value in row]
+    return {"more_n": list(LEVELS_N), "swing_mm": [value if math.isfinite(value) else None for value in row]}
 
 
 def _gain(told: Mapping[str, Any]) -> float:

@@ -140,7 +140,7 @@ def cures_study(
     for row in alone:
         if row["by_name"]:
             row["smallest_swing_that_grows_mm"] = {
-                p.name: smallest_swings(study, p.values, row["amounts"], options)
+                p.name: smallest_swings(study, p.values, options)
                 for p in (worst, nominal)
                 if p.before["loop"]["stable"] is False
             }

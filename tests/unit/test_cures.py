@@ -245,12 +245,13 @@ def test_friction_is_told_for_its_swing_and_never_proposed_unasked(
     assert [row["key"] for row in found["cures"]] == ["damper", "friction"]  # friction last, whatever it buys
     row = found["cures"][1]
     assert found["swing_mm"] == 20.0 and row["by_name"] and not found["cures"][0]["by_name"]
-    assert "in swings of 20 mm (larger ones feel less) and costs 71 N of control force" in told
-    (name,) = {who for who in ("worst",) if found["pilots"][who]["stable"] is False}
-    swings = row["smallest_swing_that_grows_mm"][name]
-    assert swings[0] == 0.0  # every swing, without friction
-    known = [swing for swing in swings if swing is not None]
-    assert known == sorted(known) and f"{name} pilot, unstable without: smallest swing that grows" in told
+    assert "in swings of 20 mm (larger ones feel less); costs 71 N of control force" in told
+    unstable = [who for who in ("worst", "nominal") if found["pilots"][who]["stable"] is False]
+    assert "worst" in unstable and list(row["smallest_swing_that_grows_mm"]) == unstable
+    for who, swings in row["smallest_swing_that_grows_mm"].items():
+        assert swings["more_n"][0] == swings["swing_mm"][0] == 0.0  # every swing, without friction
+        known = [swing for swing in swings["swing_mm"] if swing is not None]
+        assert known == sorted(known) and f"{who} pilot, unstable without: smallest swing that grows" in told
     assert found["proposal"]["amounts"] == {}
     for more, wanted in (
         (["--only", "damper", "--swing", "5"], "--swing is for friction, which is not among these cures"),
