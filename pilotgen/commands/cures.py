@@ -177,6 +177,8 @@ def _growing(row: Mapping[str, Any]) -> list[str]:
 
 def _kicked(found: Mapping[str, Any] | None) -> list[str]:
     """What the kicked lever did, before and after."""
+    from pilotgen.runs.cures_in_time import kicks_told
+
     if found is None:
         return []
     if "reason" in found:
@@ -193,15 +195,9 @@ def _kicked(found: Mapping[str, Any] | None) -> list[str]:
             decay = f"; {way} by {abs(fit['growth_rad_s']):.2f} 1/s at {fit['frequency_hz']:.2f} Hz"
         rows.append(f"{when}: {most:.1f} mm at most, {last:.3f} mm at the end{decay}")
     told = ["", f"the {found['pilot']} pilot's grip after a kick of {found['kick_n']:g} N:", *(f"  {r}" for r in rows)]
-    between = found.get("kicks_with_friction")
-    if between is not None:
-        dies, goes = between["largest_that_dies_n"], between["smallest_that_goes_on_n"]
-        low, high = between["tried_n"]
-        if dies is not None:
-            told.append(f"  with the friction kicks die up to {dies:.3g} N and go on from {goes:.3g} N")
-        else:
-            end = "dies" if between["all_die"] else "goes on"
-            told.append(f"  with the friction every kick that was tried, {low:g} to {high:g} N, {end}")
+    kicks = kicks_told(found)
+    if kicks is not None:
+        told.append(f"  {kicks}")
     return told
 
 

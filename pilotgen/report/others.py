@@ -20,6 +20,7 @@ from pilotgen.population.shares import Share
 from pilotgen.population.tally import percent
 from pilotgen.population.tally import sentences as people_told
 from pilotgen.report.stills import smaller
+from pilotgen.runs.cures_in_time import kicks_told
 from pilotgen.runs.rare_study import sentences as rare_told
 from pilotgen.uncertain.spread import sentences as draws_told
 
@@ -127,6 +128,8 @@ def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
         answer = words if words and proposal.get("reached") else "nothing that was tried is enough"
         if proposal.get("reached") and not words:
             answer = "nothing needs to be cured"
+    kicks = kicks_told(content.get("simulation") or {})
+    told += [f"{kicks[0].upper()}{kicks[1:]}."] if kicks else []
     told += [f"{one['sentence']}." for one in content.get("maps") or () if "sentence" in one]
     told += [str(one) for one in content.get("caveats") or ()]
     rows = [

@@ -61,6 +61,22 @@ def simulated(study: Study, proposal: Mapping[str, Any], friction: bool, options
     return found
 
 
+def kicks_told(found: Mapping[str, Any]) -> str | None:
+    """Which kicks die with the friction of a proposal, as a sentence; None where there is none in it.
+
+    `found` is what `simulated` returned.
+    """
+    between = found.get("kicks_with_friction")
+    if between is None:
+        return None
+    dies, goes = between["largest_that_dies_n"], between["smallest_that_goes_on_n"]
+    if dies is not None:
+        return f"with the friction kicks at the lever die up to {dies:.3g} N and go on from {goes:.3g} N"
+    low, high = between["tried_n"]
+    end = "dies" if between["all_die"] else "goes on"
+    return f"with the friction every kick at the lever that was tried, {low:g} to {high:g} N, {end}"
+
+
 def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions) -> dict[str, Any] | None:
     """Smallest swing of the grip that grows [mm] by so much more friction [N], of a pilot whose loop is unstable.
 

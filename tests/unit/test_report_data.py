@@ -136,13 +136,22 @@ def test_what_other_commands_found(tmp_path: Path) -> None:
     content = {
         "sentence": "A damper does it.",
         "proposal": {"reached": True, "cures": [{"key": "damper", "text": "damper, 10 N s/m", "price": "2 N"}]},
+        "simulation": {
+            "kicks_with_friction": {
+                "tried_n": [1.0, 256.0],
+                "all_die": False,
+                "largest_that_dies_n": 27.0,
+                "smallest_that_goes_on_n": 27.4,
+            }
+        },
         "maps": [{"sentence": "damper and notch: 300 of 400 points keep 6 dB"}],
         "cures": [row, {**row, "label": "friction", "by_name": True}],
     }
     (tmp_path / "cures.json").write_text(json.dumps(content))
     section = read_section(tmp_path)
     assert section.answer == "damper, 10 N s/m"
-    assert section.sentences == ("A damper does it.", "damper and notch: 300 of 400 points keep 6 dB.")
+    kicks = "With the friction kicks at the lever die up to 27 N and go on from 27.4 N."
+    assert section.sentences == ("A damper does it.", kicks, "damper and notch: 300 of 400 points keep 6 dB.")
     assert section.table is not None and section.table["rows"] == [["damper", "40 N s/m", "7.3"]]
     no_amount = {**content, "cures": [{**row, "best": {"worst": {"amount": [], "bought": 7.34}}}]}
     for damaged in ("", "[1]", "[" * 100_000, '{"sentence": NaN}', '{"sentence": "', json.dumps(no_amount)):
