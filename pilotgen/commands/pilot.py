@@ -87,6 +87,10 @@ def run(args: argparse.Namespace) -> int:
         from pilotgen.uncertain.draws import Draws
 
         Draws(study, 1).changes(0, values)  # what is wrong is told before anything is written
+        if args.resume:
+            from pilotgen.runs.uncertain_study import check_going_on
+
+            check_going_on(args.output, study)
     with (
         EvaluationContext(study, args.mbdae, args.solver, args.mbdyn, args.time_limit) as context,
         claimed(args.output, "pilot", WRITES, args.resume, args.overwrite) as directory,

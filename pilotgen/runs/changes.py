@@ -11,9 +11,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from pilotgen.errors import PilotgenError
+from pilotgen.errors import FileError, PilotgenError
 from pilotgen.study.fields import shown
 from pilotgen.study.study import Study, study_from_text
 
@@ -61,6 +62,29 @@ def changes(known_text: str, study: Study, kind: str) -> list[Change] | None:
     found = [Change(path, before.get(path), now.get(path), True) for path in _differing(before, now)]
     before, now = (_free(one, kind) for one in (known, study))
     return found + [Change(path, before.get(path), now.get(path), False) for path in _differing(before, now)]
+
+
+def refuse_changes(directory: Path, known_text: str, study: Study, kind: str) -> list[Change]:
+    """What differs and may. Parameters as of `changes`.
+
+    Raises
+    ------
+    FileError
+        Something differs that determines the evaluations of `directory`.
+    """
+    found = changes(known_text, study, kind)
+    if found is None:
+        raise FileError(
+            f"{directory} holds a study of another version of pilotgen, which cannot be compared with {study.path};"
+            " choose another output directory"
+        )
+    refused = [change for change in found if change.refused]
+    if refused:
+        raise FileError(
+            f"{directory} holds a study that {study.path} differs from in what determines its evaluations:\n"
+            f"{table_of_changes(refused)}\n  choose another output directory, or undo these changes"
+        )
+    return found
 
 
 def table_of_changes(found: list[Change]) -> str:

@@ -78,6 +78,26 @@ class Record:
     cpu_s: float
 
 
+def peek(path: Path) -> tuple[dict[str, str], int]:
+    """What a journal says of its run, and how many evaluations it holds; it is not written to.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    refuse_special(path)
+    try:
+        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
+        try:
+            meta = {str(name): str(value) for name, value in db.execute("SELECT name, value FROM meta")}
+            return meta, int(db.execute("SELECT count(*) FROM evaluation").fetchone()[0])
+        finally:
+            db.close()
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise FileError(f"{path}: cannot be read ({error}); a run would stop here") from None
+
+
 class Journal:
     """The evaluations of one output directory.
 

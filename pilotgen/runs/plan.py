@@ -9,7 +9,6 @@ import json
 import re
 import resource
 import shutil
-import sqlite3
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,13 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pilotgen.errors import FileError
 from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
 from pilotgen.output import STUDY_FILES, examine
 from pilotgen.population.region import region_of
-from pilotgen.runs.changes import changes, table_of_changes
+from pilotgen.runs.changes import refuse_changes
 from pilotgen.runs.fingerprint import fingerprint, solver_version
-from pilotgen.runs.journal import JOURNAL_NAME
+from pilotgen.runs.journal import JOURNAL_NAME, peek
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, columns_of
 from pilotgen.runs.sample_study import CHUNK
@@ -145,22 +143,9 @@ def _recorded(directory: Path, study: Study, kind: str, print_hash: str) -> int:
     path = directory / JOURNAL_NAME
     if not path.is_file():
         return 0
-    try:
-        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
-        try:
-            meta = {str(name): str(value) for name, value in db.execute("SELECT name, value FROM meta")}
-            count = int(db.execute("SELECT count(*) FROM evaluation").fetchone()[0])
-        finally:
-            db.close()
-    except (sqlite3.Error, ValueError, TypeError) as error:
-        raise FileError(f"{path}: cannot be read ({error}); the run would stop here") from None
-    known = meta.get("study_text")
-    refused = [change for change in changes(known, study, kind) or [] if change.refused] if known is not None else []
-    if refused:
-        raise FileError(
-            f"{directory} holds a study that {study.path} differs from in what determines its evaluations:\n"
-            f"{table_of_changes(refused)}\n  choose another output directory, or undo these changes"
-        )
+    meta, count = peek(path)
+    if "study_text" in meta:
+        refuse_changes(directory, meta["study_text"], study, kind)
     return count if meta.get("fingerprint") == print_hash else 0
 
 

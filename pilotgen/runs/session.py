@@ -19,7 +19,7 @@ from pilotgen.errors import FileError
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
-from pilotgen.runs.changes import UNCERTAIN, changes, table_of_changes
+from pilotgen.runs.changes import UNCERTAIN, refuse_changes
 from pilotgen.runs.executor import ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
@@ -228,29 +228,17 @@ def _go_on(directory: Path, study: Study, kind: str, print_hash: str, journal: J
             raise FileError(f"{results} is of a {attributes['kind']}; choose another output directory")
         say(f"{journal.path} holds no evaluations: all pilots are evaluated again")
     if known is not None:
-        found = changes(known, study, kind)
-        if found is None:
-            raise FileError(
-                f"{directory} holds a study of another version of pilotgen, which cannot be compared with {study.path};"
-                " choose another output directory"
-            )
-        refused = [change for change in found if change.refused]
-        if refused:
-            raise FileError(
-                f"{directory} holds a study that {study.path} differs from in what determines its evaluations:\n"
-                f"{table_of_changes(refused)}\n  choose another output directory, or undo these changes"
-            )
+        found = refuse_changes(directory, known, study, kind)
         for change in found:
             say(f"{change.text} since this study was begun")
         if any(change.path == "search.seed" for change in found) and results.exists():
             say(f"another seed is another {kind}: study.h5 of the one before is kept as {_keep_aside(results).name}")
     before = journal.get_meta("fingerprint")
     if before is not None and before != print_hash and (count := len(journal)):
-        other = "other settings, or another version" if kind == UNCERTAIN else "another version"
-        say(
-            f"{counted(count, 'recorded evaluation')} of {other} of code, data or solver cannot be used: "
-            "these pilots are evaluated again"
-        )
+        what = f"{counted(count, 'recorded evaluation')} of another version of code, data or solver cannot be used: "
+        if kind == UNCERTAIN:  # other values of the pilot's may be the reason, and may have been used before
+            what = "recorded draws of another version of code, data or solver, or of other settings, cannot be used: "
+        say(f"{what}these pilots are evaluated again")
     for name, value in (("study_text", study.text), ("study_name", study.name), ("fingerprint", print_hash)):
         if journal.get_meta(name) != value:
             journal.set_meta(name, value)

@@ -22,9 +22,9 @@ from pilotgen.linear.statespace import ComplexArray
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.population.tally import signed
 from pilotgen.runs.batch import OnProgress, Progress
-from pilotgen.runs.changes import UNCERTAIN
+from pilotgen.runs.changes import UNCERTAIN, refuse_changes
 from pilotgen.runs.fingerprint import solver_version
-from pilotgen.runs.journal import evaluation_key
+from pilotgen.runs.journal import JOURNAL_NAME, evaluation_key, peek
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.session import Say, open_batch
 from pilotgen.runs.task import Task, evaluated
@@ -50,6 +50,15 @@ class UncertainRun:
 
     content: dict[str, Any]
     progress: Progress
+
+
+def check_going_on(directory: Path, study: Study) -> None:
+    """Refuse a directory whose draws are of another study, before anything of it is replaced. Raises FileError."""
+    path = directory / JOURNAL_NAME
+    if path.exists():
+        meta, _ = peek(path)
+        if "study_text" in meta:
+            refuse_changes(directory, meta["study_text"], study, UNCERTAIN)
 
 
 def run_draw(task: Task) -> tuple[dict[str, Any], float]:

@@ -202,6 +202,29 @@ def test_two_workers_draw_the_same(run: Run, tmp_path: Path) -> None:
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "grown" / name).read_bytes()
 
 
+def test_draws_of_another_study_are_refused_before_anything_is_replaced(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(STUDY)
+    draw = ("--uncertain", "-n", 4, "-o", tmp_path / "a", "--workers", 1, "--no-figures", "--quiet")
+    assert run(tmp_path / "s.yaml", *draw)[0] == 0
+
+    def files() -> dict[Path, bytes]:  # but for what SQLite keeps beside a journal that is read
+        found = (tmp_path / "a").iterdir()
+        return {path: path.read_bytes() for path in found if not path.name.startswith("journal.sqlite-")}
+
+    before = files()
+    (tmp_path / "s.yaml").write_text(STUDY.replace("gearing_rad_per_m: 1.1", "gearing_rad_per_m: 1.2"))
+    code, _, err = run(tmp_path / "s.yaml", *draw, "--resume")
+    assert code == 1 and "inceptor.gearing_rad_per_m  1.1    1.2" in err
+    assert files() == before
+    (tmp_path / "s.yaml").write_text(STUDY)
+    settings = ("--resume", "--set", "inceptor.gearing_rad_per_m=1.2")
+    code, _, err = run(tmp_path / "s.yaml", *draw, *settings)
+    assert code == 0 and "or of other settings, cannot be used" in err
+    (tmp_path / "a" / "journal.sqlite").write_bytes(b"no journal")
+    code, _, err = run(tmp_path / "s.yaml", *draw, *settings)
+    assert code == 1 and "journal.sqlite: cannot be read (file is not a database); a run would stop here" in err
+
+
 @pytest.mark.parametrize(
     "option",
     [("-n", 10), ("--workers", 2), ("--resume",), ("--max-failures", 0), ("--executor", "dask"), ("--log", "a.jsonl")],
