@@ -217,6 +217,8 @@ TEST_CASE("states are balanced as LAPACK does") {
   Eigen::MatrixXd A(2, 2);
   A << -1.0, 1e4, -1e-3, -4.0;
   CHECK(balancing_scale(A) == Eigen::Vector2d(512.0, 0.25));  // found in MBDyn's output for this matrix
+  A(0, 1) = 1e160;                                            // its square overflows
+  CHECK(balancing_scale(A) == Eigen::Vector2d(1.0, 1.0));
 }
 
 TEST_CASE("drives that read the state") {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/elements/state_space.h"
 
+#include <cmath>
+
 #include "mbdae/deck/drive_reader.h"
 #include "mbdae/deck/scalar_reader.h"
 
@@ -72,7 +74,7 @@ Eigen::VectorXd balancing_scale(Eigen::MatrixXd A) {
     changed = false;
     for (Eigen::Index i = 0; i < n; ++i) {
       double c = A.col(i).norm(), r = A.row(i).norm();
-      if (c == 0.0 || r == 0.0) continue;
+      if (!(c > 0.0 && r > 0.0 && std::isfinite(c + r))) continue;  // of what overflows nothing is made better
       const double before = c + r;
       double f = 1.0;
       while (c < r / kRadix) {
