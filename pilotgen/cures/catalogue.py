@@ -9,7 +9,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -258,6 +258,11 @@ def cures_for(study: Study, only: tuple[str, ...] = (), without: tuple[str, ...]
     if not kept:
         raise StudyError("--only and --without leave no cure to try; name another one, or leave one of them out")
     return kept
+
+
+def proposable(cures: Sequence[Cure], only: Sequence[str]) -> list[Cure]:
+    """Those that may be part of a combination: remedies, and friction if it is asked for by name."""
+    return [cure for cure in cures if cure.remedy and (not cure.by_name or cure.key in only)]
 
 
 def _meaningless(study: Study, key: str) -> str:

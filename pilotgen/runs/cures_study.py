@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pilotgen.closed_loop.poles import why_unstable
-from pilotgen.cures.catalogue import Cure, changes, cures_for, price
+from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.friction import SWING_MM
 from pilotgen.cures.optimum import Optimum, cheapest
 from pilotgen.errors import StudyError
@@ -119,8 +119,7 @@ def cures_study(
         alone.sort(key=lambda found: (found["by_name"], -found["best"]["worst"]["bought"]))
         batch.report(milestone=True)
         drawn = cure_maps(clinic, pairs or pair_that_buys_most(cures, alone), (worst, nominal))
-        remedies = [cure for cure in cures if cure.remedy and (not cure.by_name or cure.key in only)]
-        proposal, optimum = _proposal(clinic, remedies, worst, nominal)
+        proposal, optimum = _proposal(clinic, proposable(cures, only), worst, nominal)
         content: dict[str, Any] = {
             "filetype": FILETYPE,
             "version": VERSION,

@@ -15,8 +15,8 @@ from study_texts import MAYO, MULTIBODY
 
 import pilotgen as pg
 from pilotgen.cli import main
-from pilotgen.cures import catalogue
-from pilotgen.cures.catalogue import Cure, changes, cures_for, price
+from pilotgen.cures import catalogue, optimum
+from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.optimum import cheapest, cost_of
 from pilotgen.errors import StudyError
 from pilotgen.runs import cures_maps, cures_study
@@ -111,6 +111,7 @@ def test_the_command_proposes_what_keeps_the_limits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cures_maps, "MAP_POINTS", 6)
+    monkeypatch.setattr(optimum, "GENERATIONS", 6)  # quick, and not the cheapest
     study = tmp_path / "mayo.yaml"
     study.write_text(MAYO.replace("population: 100", "population: 16").replace("generations: 30", "generations: 4"))
     out = tmp_path / "out"
@@ -185,6 +186,14 @@ def test_pairs_of_maps_are_checked(maps: list[tuple[str, str]], message: str) ->
         map_pairs(STUDY, maps)
     with pytest.raises(StudyError, match="'damper' means nothing here"):
         map_pairs(MAYO_STUDY, [("gearing", "damper")])
+
+
+def test_friction_is_proposed_only_by_name() -> None:
+    cures = cures_for(STUDY)
+    keys = {cure.key for cure in proposable(cures, ())}
+    assert "damper" in keys and not {"friction", "delay"} & keys and "friction" in {cure.key for cure in cures}
+    only = ("damper", "friction", "delay")
+    assert {cure.key for cure in proposable(cures_for(STUDY, only), only)} == {"damper", "friction"}
 
 
 def test_amounts_below_zero_are_told_without_their_sign() -> None:
