@@ -164,17 +164,13 @@ std::string off_text(const Model& model, const Correction& positions, const std:
 
 Motion integrate_ida(Model& model, const State& state, const InitialValueData& settings,
                      const IntegrateOptions& options, const AtInstant& at_instant) {
-  for (const ConstraintEntry& entry : model.constraints()) {
-    if (const std::string why = entry.constraint->no_variable_step(); !why.empty()) {
-      throw ModelError(joint_title(*entry.data) + " " + why);
-    }
-  }
   const double t0 = settings.initial_time, h = settings.time_step;
   const long steps = count_steps(settings);
   const std::vector<Jump> jumps = find_jumps(model.deck().pieced_drives, settings);
   std::size_t next_jump = 0;
   std::vector<std::string> notes;
 
+  model.follow_free_rotations(true);
   IdaEquations equations(model, state);
   double from = t0;  // where the drives' present piece begins
   if (!jumps.empty() && jumps.front().before <= t0) from = jumps[next_jump++].after;

@@ -138,10 +138,15 @@ std::vector<LinearisedModel> linearise_at_times(const Deck& deck, const Linearis
   const double c = options.c.value_or(deck_coefficient(deck));
   const double h = settings.time_step;
   State last = state;
+  const bool by_ida = settings.method == MethodKind::other;
   const auto linearise_here = [&] {
     State here = last;
-    model.set_reference(here);
+    if (by_ida) {  // `ms` carries a reference along
+      model.follow_free_rotations(false);
+      model.set_reference(here);
+    }
     out.push_back(linearise_at_state(model, here, c, "linearise", modal_accelerations(model, here)));
+    if (by_ida) model.follow_free_rotations(true);
     out.back().notes = notes;
   };
   const auto at_instant = [&](const State& now) {
@@ -151,7 +156,7 @@ std::vector<LinearisedModel> linearise_at_times(const Deck& deck, const Linearis
     if (next > before) linearise_here();
     return next < times.size();
   };
-  if (settings.method == MethodKind::other) {
+  if (by_ida) {
     notes.push_back("the method `" + settings.method_text + "` is not available: the state at the times of the " +
                     "eigenanalysis was reached with IDA");
     integrate_ida(model, state, settings, integration, at_instant);

@@ -52,7 +52,6 @@ class Stepper {
   // From instants k-2 and k-1 to k = k-1 + h.
   Instant step(const Instant& older, const Instant& last, double h, const MultistepCoefficients& formula) {
     const int n = model_.size(), nodes = static_cast<int>(model_.slots().size());
-    model_.set_reference(last.state);
     Instant next = last;
     next.state.t = last.state.t + h;
 
@@ -280,6 +279,7 @@ Motion integrate_multistep(Model& model, const State& state, const InitialValueD
   recorder.record(state, state.t);
 
   model.accept(state);
+  model.set_reference(state);
   Instant last{state, state.ydot};
   for (const NodeSlot& slot : model.slots()) {
     last.rate.segment<3>(slot.first) = motion_of(state, slot).v;
@@ -297,6 +297,7 @@ Motion integrate_multistep(Model& model, const State& state, const InitialValueD
     older = std::move(last);
     last = std::move(next);
     model.accept(last.state);
+    model.carry_reference(last.state);
     if (k % options.output_every == 0 || k == steps) recorder.record(last.state, last.state.t);
     if (options.progress) options.progress(last.state.t);
     if (at_instant && !at_instant(last.state)) break;

@@ -32,13 +32,15 @@ struct TotalConstraint::Offset {
   Vec3 u;  // rate of b1 seen from node 1
 };
 
-// E = Rr^T R2 R2hr exp(Theta)^T = exp(theta): theta is the constraint.
+// E = Rr^T R2 R2hr exp(Theta)^T = exp(angle): theta is the constraint. Theta is zero in E, and imposed on theta, where
+// free components follow.
 struct TotalConstraint::Relative {
   Mat3 Rr;     // rotation frame in node 1, global
-  Vec3 Theta;  // imposed rotation vector
+  Vec3 Theta;  // imposed rotation vector in E
   Mat3 E;
+  Vec3 angle;
   Vec3 theta;
-  Mat3 gamma_inverse;  // of theta
+  Mat3 gamma_inverse;  // of angle
 };
 
 void TotalConstraint::add_rows(const std::array<TotalComponent, 3>& position,
@@ -158,10 +160,18 @@ TotalConstraint::Relative TotalConstraint::relative_rotation(const State& state)
       if (rotation_active_[static_cast<std::size_t>(i)]) r.Theta(i) = drive(i);
     }
   }
+  Vec3 imposed = Vec3::Zero();
+  if (follows_) imposed.swap(r.Theta);
   if (!r.Theta.isZero(0.0)) r.E *= rotation_exp(r.Theta).transpose();
-  r.theta = rotation_log(r.E);
-  r.gamma_inverse = rotation_gamma_inverse(r.theta);
+  r.angle = rotation_log(r.E);
+  r.theta = r.angle - imposed;
+  r.gamma_inverse = rotation_gamma_inverse(r.angle);
   return r;
+}
+
+Mat3 TotalConstraint::rotation_by_drive(const Relative& rel) const {
+  if (follows_) return -Mat3::Identity();
+  return -(rel.gamma_inverse * (rel.E * rotation_gamma(rel.Theta)));
 }
 
 void TotalConstraint::set_reference(const State& state) {
@@ -169,6 +179,14 @@ void TotalConstraint::set_reference(const State& state) {
   const Mat3 relative = (motion_of(state, node1_).R * R1hr_).transpose() * motion_of(state, node2_).R * R2hr_;
   const Vec3 theta = rotation_log(relative);
   for (int i = 0; i < 3; ++i) free_rotation_(i) = rotation_active_[static_cast<std::size_t>(i)] ? 0.0 : theta(i);
+}
+
+void TotalConstraint::carry_reference(const State& state) {
+  if (!partial_rotation()) return;
+  const Vec3 turned = relative_rotation(state).theta;
+  for (int i = 0; i < 3; ++i) {
+    if (!rotation_active_[static_cast<std::size_t>(i)]) free_rotation_(i) += turned(i);
+  }
 }
 
 void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) const {
@@ -223,7 +241,7 @@ void TotalConstraint::assemble(const State& state, Equations& eq, bool tangent) 
         add_row(eq.g_y, row, g1, -gradient);
         add_row(eq.g_y, row, g2, gradient);
         if (reads_state_) {  // theta by the imposed rotation vector
-          const Mat3 by_drive = -(rel.gamma_inverse * (rel.E * rotation_gamma(rel.Theta)));
+          const Mat3 by_drive = rotation_by_drive(rel);
           for (int j = 0; j < 3; ++j) {
             if (!rotation_active_[static_cast<std::size_t>(j)]) continue;
             add_component_derivative(eq, row, rotation_drive_, state.t, j, by_drive(i, j));
@@ -268,13 +286,20 @@ void TotalConstraint::rates(const State& state, ConstraintRates& out, bool tange
     for (int i = 0; i < 3; ++i) {
       if (!rotation_active_[static_cast<std::size_t>(i)]) rate(i) = second(i) = 0.0;
     }
+    Vec3 imposed_rate = Vec3::Zero(), imposed_second = Vec3::Zero();
+    if (follows_) {
+      rate.swap(imposed_rate);
+      second.swap(imposed_second);
+    }
     const Vec3 turning = rel.E * (rotation_gamma(rel.Theta) * rate);  // of exp(Theta), seen in the rotation frame
     const Vec3 omega = Rr.transpose() * w21 - turning;
-    theta_rate = rel.gamma_inverse * omega;
-    const Mat3 by_theta = rotation_gamma_inverse_derivative(rel.theta, omega);
+    const Vec3 angle_rate = rel.gamma_inverse * omega;
+    theta_rate = angle_rate - imposed_rate;
+    const Mat3 by_theta = rotation_gamma_inverse_derivative(rel.angle, omega);
     const Vec3 turning_rate = omega.cross(turning) + rel.E * (rotation_gamma(rel.Theta) * second +
                                                               rotation_gamma_derivative(rel.Theta, rate) * rate);
-    theta_bias = rel.gamma_inverse * (Rr.transpose() * (-w1.cross(w21)) - turning_rate) + by_theta * theta_rate;
+    theta_bias =
+        rel.gamma_inverse * (Rr.transpose() * (-w1.cross(w21)) - turning_rate) + by_theta * angle_rate - imposed_second;
     if (tangent) {
       const Mat3 by_delta = rel.gamma_inverse * skew(turning) + by_theta * rel.gamma_inverse;
       theta_by_phi2 = by_delta * Rr.transpose();
@@ -338,12 +363,6 @@ std::vector<DriveInput> TotalConstraint::drive_inputs(const State& state) const 
   return out;
 }
 
-std::string TotalConstraint::no_variable_step() const {
-  if (active_rotations_ != 1) return {};
-  return "imposes a single rotation component, which is no constraint on the position alone; integrate it with `ms`, "
-         "or use a cardano hinge";
-}
-
 Eigen::VectorXd TotalConstraint::drive_derivative(const State& state, int k) const {
   Eigen::VectorXd column = Eigen::VectorXd::Zero(size_);
   const Row& imposed = rows_[static_cast<std::size_t>(k)];
@@ -352,7 +371,7 @@ Eigen::VectorXd TotalConstraint::drive_derivative(const State& state, int k) con
     return column;
   }
   const Relative rel = relative_rotation(state);
-  const Vec3 by_drive = -(rel.gamma_inverse * (rel.E * rotation_gamma(rel.Theta).col(imposed.component)));
+  const Vec3 by_drive = rotation_by_drive(rel).col(imposed.component);
   for (std::size_t j = 0; j < rows_.size(); ++j) {
     if (rows_[j].rotation && !rows_[j].velocity) column(static_cast<int>(j)) = by_drive(rows_[j].component);
   }

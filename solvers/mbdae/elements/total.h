@@ -11,11 +11,13 @@
 //   velocity components: the rates of these, imposed
 //
 // Reactions [N, N m] act on node 1 with a plus sign, on node 2 with a minus sign, as in MBDyn. With one or two
-// rotations active, the imposed rotation vector's free components follow the motion (set_reference). Valid for theta <
-// pi. Source: MBDyn's joints. The tangent is exact in any state, where MBDyn's in line and in plane joints (under
-// load), total pin (offset and load) and rotation rows (theta not 0) are not: docs/theory/elements.md,
-// docs/conventions.md; tests "clamp, also when turned away from its place", "in line", "total joint, every kind of
-// component" (test_model_tangent.cpp), "prismatic joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
+// rotations active, the imposed rotation vector's free components are those of a reference that follows the motion step
+// by step (`ms`: carry_reference), or those of the relative rotation itself, theta = log(Rr^T R2 R2hr) - Theta (IDA:
+// follow_free_rotations), which is what `ms` converges to with short steps. Valid for theta < pi. Source: MBDyn's
+// joints. The tangent is exact in any state, where MBDyn's in line and in plane joints (under load), total pin (offset
+// and load) and rotation rows (theta not 0) are not: docs/theory/elements.md, docs/conventions.md; tests "clamp, also
+// when turned away from its place", "in line", "total joint, every kind of component" (test_model_tangent.cpp),
+// "prismatic joint, plane" (test_model_scalar.cpp), signs in test_model_signs.cpp.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -93,8 +95,9 @@ class TotalConstraint final : public Constraint {
   bool velocity_level(int k) const override { return rows_[static_cast<std::size_t>(k)].velocity; }
   bool is_couple(int k) const override { return rows_[static_cast<std::size_t>(k)].rotation; }
   void set_reference(const State& state) override;
+  void carry_reference(const State& state) override;
+  void follow_free_rotations(bool follow) override { follows_ = follow && partial_rotation(); }
   std::vector<DriveInput> drive_inputs(const State& state) const override;
-  std::string no_variable_step() const override;
   SignalValue signal(int k, const State& state) const override;
 
  private:
@@ -116,6 +119,7 @@ class TotalConstraint final : public Constraint {
   void add_rows(const std::array<TotalComponent, 3>& position, const std::array<TotalComponent, 3>& rotation);
   Offset offset(const State& state) const;
   Relative relative_rotation(const State& state) const;
+  Mat3 rotation_by_drive(const Relative& rel) const;  ///< theta by the imposed rotation vector
   /// Derivative of the rate of a position component, e . u, by positions and rotations.
   void add_rate_row(Eigen::MatrixXd& A, int row, const Vec3& e, const Offset& at) const;
 
@@ -130,6 +134,7 @@ class TotalConstraint final : public Constraint {
   int active_rotations_ = 0;
   std::array<bool, 3> rotation_active_{};  ///< imposed at position level
   Vec3 free_rotation_ = Vec3::Zero();      ///< components of the imposed rotation vector that are left free [rad]
+  bool follows_ = false;                   ///< these components are those of the state at hand
 };
 
 namespace reading {

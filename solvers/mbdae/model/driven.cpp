@@ -25,7 +25,6 @@ class Driven : public Base {
   std::string defect_under_load(const State& state) const override {
     return there(state) ? element_->defect_under_load(state) : std::string();
   }
-  std::string no_variable_step() const override { return element_->no_variable_step(); }
 
  protected:
   bool there(const State& state) const { return drive_->value(state.t) != 0.0; }
@@ -65,6 +64,8 @@ class DrivenConstraint final : public Driven<Constraint> {
   bool plain_equation(int k) const override { return element_->plain_equation(k); }
   std::string reaction_unit(int k) const override { return element_->reaction_unit(k); }
   void set_reference(const State& state) override { element_->set_reference(state); }
+  void carry_reference(const State& state) override { element_->carry_reference(state); }
+  void follow_free_rotations(bool follow) override { element_->follow_free_rotations(follow); }
 };
 
 }  // namespace

@@ -164,9 +164,6 @@ class Element {
 
   /// A number that changes its sign where the mode ends.
   virtual double mode_margin(const State& /*state*/) const { return 1.0; }
-
-  /// Why no variable-step integration on the stabilised constraints is possible, as such a rest; empty if it is.
-  virtual std::string no_variable_step() const { return {}; }
 };
 
 /// A muscle: inner values, and what its activation does.
@@ -233,6 +230,12 @@ class Constraint : public Element {
 
   /// Takes the present configuration as the one that free rotation components are counted from.
   virtual void set_reference(const State& /*state*/) {}
+
+  /// Takes it after a converged step of `ms`: free components grow by what the step added to them, as in MBDyn.
+  virtual void carry_reference(const State& /*state*/) {}
+
+  /// Whether free rotation components are those of each state itself instead of the reference's.
+  virtual void follow_free_rotations(bool /*follow*/) {}
 
   int first() const { return first_; }
   int size() const { return size_; }

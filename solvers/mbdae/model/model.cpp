@@ -213,6 +213,14 @@ void Model::set_reference(const State& state) {
   for (ConstraintEntry& entry : constraints_) entry.constraint->set_reference(state);
 }
 
+void Model::carry_reference(const State& state) {
+  for (ConstraintEntry& entry : constraints_) entry.constraint->carry_reference(state);
+}
+
+void Model::follow_free_rotations(bool follow) {
+  for (ConstraintEntry& entry : constraints_) entry.constraint->follow_free_rotations(follow);
+}
+
 void Model::accept(const State& state) {
   for (ConstraintEntry& entry : constraints_) entry.constraint->accept(state);
 }

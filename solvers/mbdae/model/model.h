@@ -100,6 +100,12 @@ class Model {
   /// Counts free rotation components of total joints from this configuration.
   void set_reference(const State& state);
 
+  /// The same after a converged step of `ms`, as MBDyn does it.
+  void carry_reference(const State& state);
+
+  /// Whether free rotation components of total joints are those of each state itself instead of the reference's.
+  void follow_free_rotations(bool follow);
+
   /// The state has been accepted: whole turns are counted from it.
   void accept(const State& state);
 
