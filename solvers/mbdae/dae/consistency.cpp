@@ -180,7 +180,7 @@ Correction close_constraints(Model& model, State& state) {
     model.set_reference(state);
     eq.clear(model.size(), true);
     State unloaded = state;
-    unloaded.y.setZero();
+    unloaded.y.tail(model.reaction_count()).setZero();  // the constraints alone; their drives may read the other states
     model.add_reduced_constraints(unloaded, eq, true);
     const Eigen::MatrixXd Phi = constraint_matrix(model, eq, false);
     Eigen::VectorXd error = position_error(model, eq);
