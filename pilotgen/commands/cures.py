@@ -171,7 +171,7 @@ def _growing(row: Mapping[str, Any]) -> list[str]:
             told.append(
                 f"    {name} pilot, unstable without: smallest swing that grows [mm; -: none within the stops]:"
             )
-            told.append(f"    {', '.join(cells)}")
+            told.append(f"    by friction more: {', '.join(cells)}")
     return told
 
 
