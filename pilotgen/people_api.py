@@ -186,6 +186,8 @@ def uncertain_pilot(
         Nothing is uncertain, or a name or value that the study cannot have.
     """
     Draws(study, 1).changes(0, study.values(values or {}))  # a slip of the caller, before anything is written
+    if options is not None and options.resume:
+        uncertain_study.check_going_on(Path(directory), study.with_own_text())
 
     def run(mine: Study, place: Path, chosen: RunOptions) -> uncertain_study.UncertainRun:
         with EvaluationContext(mine, chosen.mbdae, chosen.solver, chosen.mbdyn, chosen.time_limit_s) as context:

@@ -96,6 +96,13 @@ def test_what_is_not_known_of_one_pilot(tmp_path: Path) -> None:
     assert len(table) == 12 and np.isfinite(table["pilot_damping"]).all() and found.progress.done == 12
     margins = found.content["margins"]["modulus_margin"]
     assert table["modulus_margin"].tolist() == margins["draws"]
+    resumed = pg.RunOptions(workers=1, resume=True)
+    more = pg.uncertain_pilot(study, tmp_path / "a", 14, values, options=resumed)
+    assert (more.progress.evaluated, more.progress.served) == (2, 12)
+    other = study.with_values({"inceptor.gearing_rad_per_m": 0.7})[0]
+    with pytest.raises(pg.PilotgenError, match="differs from in what determines its evaluations"):
+        pg.uncertain_pilot(other, tmp_path / "a", 14, values, options=resumed)
+    assert (tmp_path / "a" / "uncertain.json").is_file()  # refused before anything was replaced
     with pytest.raises(pg.PilotgenError, match="has no section uncertain"):
         pg.uncertain_pilot(pg.read_study(STUDIES / "puma-mayo.yaml"), tmp_path / "c", 3)
     assert not (tmp_path / "c").exists()
