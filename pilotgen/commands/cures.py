@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     options = common.run_options(args, study)
 
     def told(progress: Progress) -> str:
-        return f"{progress.done} pilots, {progress.failed} failed"
+        return f"{progress.done} {'pilot' if progress.done == 1 else 'pilots'}, {progress.failed} failed"
 
     with common.long_run(args, "cures", WRITES, study, told) as (directory, show, say):
         done = cures_study(

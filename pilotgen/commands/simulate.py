@@ -12,6 +12,7 @@ from typing import Any
 from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
+LONGEST_S = 1000.0
 WRITES = ("simulation.json", "history.png", "onset.png")
 
 
@@ -65,7 +66,7 @@ def add_parser(commands: Any) -> None:
         "goes on",
     )
     parser.add_argument(
-        "--seed", metavar="N", type=common.seed, default=1, help="of turbulence and of sizes (default: 1)"
+        "--seed", metavar="N", type=common.seed, default=None, help="of turbulence and of sizes (default: 1)"
     )
     parser.add_argument(
         "--integrator",
@@ -89,6 +90,11 @@ def run(args: argparse.Namespace) -> int:
     size = args.size if args.size is not None else KICKS[args.kick][1]
     if args.kick == "turbulence" and args.pulse is not None:
         raise StudyError("--pulse is of kicks; turbulence has none, leave it out")
+    if args.duration > LONGEST_S:
+        raise StudyError(f"--duration {args.duration:g}: at most {LONGEST_S:g} s, which is a million steps of 1 ms")
+    if args.seed is not None and args.kick != "turbulence" and args.kicks is None:
+        raise StudyError("--seed would do nothing: a single kick has nothing random; leave it out, or add --kicks N")
+    seed = 1 if args.seed is None else args.seed
     if args.linear and args.kicks is not None:
         raise StudyError(
             "--kicks asks how a chance depends on the size, which nothing does with --linear; leave one out"
@@ -123,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
             pulse_s=args.pulse,
             linear=args.linear,
             integrator=args.integrator,
-            seed=args.seed,
+            seed=seed,
             keep=directory,
         )
         if note:
@@ -142,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
                     args.kicks,
                     args.duration,
                     pulse_s=args.pulse,
-                    seed=args.seed,
+                    seed=seed,
                     progress=lambda done, total: line.update(f"{done}/{total} kicks"),
                 )
             finally:

@@ -106,7 +106,13 @@ class Clinic:
         return results
 
     def worst_of(self, amounts: Amounts, name: str) -> Patient:
-        """The worst pilot of the study's box with some cures, by a search; `before` is with them."""
+        """The worst pilot of the study's box with some cures, by a search; `before` is with them.
+
+        Raises
+        ------
+        PilotgenError
+            No pilot of the box could be evaluated.
+        """
         from pilotgen.search import Problem, run_search
 
         settings = dataclasses.replace(

@@ -173,6 +173,8 @@ def test_through_stops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     for more, wanted in (
         (["--through-stops", "--linear"], "--through-stops would do nothing: --linear has no stops"),
         (["--through-stops", "--kick", "pull", "--size", "0.01"], "the kind pull is never refused for that"),
+        (["--seed", "3"], "--seed would do nothing: a single kick has nothing random"),
+        (["--duration", "1e9"], "--duration 1e+09: at most 1000 s"),
         (["--size", "0"], "--size 0: a kick above or below zero is wanted"),
         (["--size", "-20", "--kicks", "2"], "a root mean square above zero is wanted"),
         (["--kick", "turbulence", "--size", "-1"], "a root mean square above zero is wanted"),
