@@ -18,8 +18,9 @@ from pilotgen.closed_loop.muscles import F2_AT_REST, MuscleData, f1, f2, f3
 from pilotgen.decks.vehicle import KAPPA, Friction
 from pilotgen.solver.descriptor import Floats
 
-PERIODS = 2  # through which bristles are followed; the last one counts
-REFINED = 8  # steps of the bristles within a sample
+PERIODS = 2  # through which bristles are followed where they do not slide freely; the last one counts
+SLID = 4.0  # of the elastic travel; beyond it they slide
+BRISTLE_STEPS = 1024  # of the bristles in a period, at least
 
 
 def friction_force(friction: Friction, velocity: Floats, period_s: float) -> Floats:
@@ -44,26 +45,31 @@ def friction_force(friction: Friction, velocity: Floats, period_s: float) -> Flo
         change = 0.25 * np.abs(np.roll(velocity, -1) - np.roll(velocity, 1))
         sign = np.clip(velocity / np.maximum(change, 1e-300), -1.0, 1.0)
         return np.asarray(sign * _level(friction, velocity) + friction.viscous_n_s_per_m * velocity)
-    at = np.arange(n * REFINED) / (n * REFINED) * n
+    within = -(-BRISTLE_STEPS // n)  # steps in a sample
+    at = np.arange(n * within) / within
     v = np.interp(at, np.arange(n + 1), np.append(velocity, velocity[0]))
     h = period_s / len(v)
     k, c = friction.bristle_n_per_m, friction.bristle_n_s_per_m
-    z, forces = 0.0, np.zeros(len(v))
+    forces = np.zeros(len(v))
     midway = 0.5 * (v + np.roll(v, -1))
     ends = _level(friction, midway) / k
-    moves, limits = (midway * h).tolist(), ends.tolist()
-    for period in range(PERIODS):
-        for i, (move, zs) in enumerate(zip(moves, limits, strict=True)):
-            if period:
-                forces[i] = z
+    first = int(np.argmax(np.abs(midway)))
+    moves, limits = np.roll(midway * h, -first), np.roll(ends, -first)
+    slid = 0.25 * np.abs(moves).sum() > SLID * limits.max()  # before that instant: where its bristles are is known
+    z = math.copysign(limits[0], moves[0]) if slid else 0.0
+    steps = list(zip(moves.tolist(), limits.tolist(), strict=True))
+    for _ in range(1 if slid else PERIODS):
+        for i, (move, zs) in enumerate(steps):
+            forces[i] = z
             alpha = _alpha(z, move, zs)
             if alpha == 0.0 or move == 0.0:
                 z += move
             else:  # dz/du = 1 - alpha |..| z/zs, exact for constant alpha
                 target = math.copysign(zs / alpha, move)
                 z = target + (z - target) * math.exp(-alpha * abs(move) / zs)
+    forces = np.roll(forces, first)
     rate = np.gradient(np.append(forces, forces[0]), h)[:-1]
-    return np.asarray((k * forces + c * rate + friction.viscous_n_s_per_m * v)[::REFINED])
+    return np.asarray((k * forces + c * rate + friction.viscous_n_s_per_m * v)[::within])
 
 
 def _level(friction: Friction, v: Floats) -> Floats:
@@ -87,6 +93,10 @@ class GripStops:
     low_m: float
     high_m: float
     stiffness_n_per_m: float
+
+    def stiffness(self, travel: Floats) -> Floats:
+        """By which the force rises [N/m]; any shape."""
+        return np.where((travel > self.high_m) | (travel < self.low_m), self.stiffness_n_per_m, 0.0)
 
     def force(self, travel: Floats) -> Floats:
         """Force against positive travel [N]; any shape."""
@@ -136,6 +146,13 @@ class MuscleLaw:
         """Force beyond what the linear model has [N], (muscles, n)."""
         rest, stiff, damp = self._linear
         return np.asarray(self.force(stretch, rate) - rest - stiff * stretch - damp * rate)
+
+    def slopes_along(self, stretch: Floats, rate: Floats) -> tuple[Floats, Floats]:
+        """Derivatives by stretch and by its rate along a motion [N, N s], (muscles, n) each."""
+        h, k = 1e-6, 1e-6 * self.data.velocity_factor
+        by_stretch = (self.force(stretch + h, rate) - self.force(stretch - h, rate)) / (2.0 * h)
+        by_rate = (self.force(stretch, rate + k) - self.force(stretch, rate - k)) / (2.0 * k)
+        return by_stretch, by_rate
 
     @cached_property
     def _linear(self) -> tuple[Floats, Floats, Floats]:

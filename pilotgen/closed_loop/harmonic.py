@@ -1,160 +1,49 @@
 """Harmonic balance of a closed deck: how fast a swing of given amplitude grows, and where it stays as it is.
 
-The linear model of the closed deck, its nonlinear elements (`elements`) around it; the geometry of the arm stays
-linear. A swing of the grip of amplitude A is a sum of harmonics; the first may grow, e^(sigma t), the others are those
-of a steady swing. For each A the balance gives sigma(A) and omega(A). Where sigma is zero there is a limit cycle:
-unstable if sigma rises with A (smaller swings die, larger ones grow), stable if it falls. docs/theory/limit_cycles.md.
+All unknowns of the deck are sums of harmonics; the solver tells what is left of the deck's own equations along them
+(`residuals`): clipped activations, muscle curves, stops, the arm's geometry. The lever's friction, which has a memory,
+is added here (`elements`). The first harmonic may grow, e^(sigma t), the others are those of a steady swing. For each
+amplitude of the grip the balance gives sigma and omega; where sigma is zero there is a limit cycle: unstable if sigma
+rises with the amplitude (smaller swings die, larger ones grow), stable if it falls. Newton's method knows the linear
+deck and the slopes of muscles, friction and stops; Broyden's updates find out the rest. docs/theory/limit_cycles.md.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass, field
-from itertools import pairwise
+from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
 
-from pilotgen.closed_loop.deck import STOP_STIFFNESS_N_PER_M, ClosedLoop
-from pilotgen.closed_loop.elements import GripStops, MuscleLaw, friction_force
-from pilotgen.closed_loop.muscles import muscle_data, muscle_rows
+from pilotgen.closed_loop.elements import friction_force
+from pilotgen.closed_loop.krylov import broyden, gmres
+from pilotgen.closed_loop.swing import Basis, LimitCycle, Swing, complexes, reals
+from pilotgen.closed_loop.swing_model import LOCK_N_PER_M, Locked, SwingModel
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError
-from pilotgen.solver.descriptor import Complexes, Floats, Numbers
-from pilotgen.solver.matrices import Matrices, descriptor
+from pilotgen.solver.descriptor import Complexes, Floats
 
-SAMPLES = 64  # of one period; more with more harmonics
+SAMPLES, FINE = 64, 512  # of one period, at least: of the deck, of friction
+PER_HARMONIC = 16  # samples of the deck
 SLOW = 1e-3  # rad/s, at which the mean motion is balanced: the height has no place of its own
-TOLERANCE, MOST_STEPS = 1e-9, 40
+MUSCLE_HARMONICS = 3  # that Newton's method knows of muscles
+ROUGH, FINAL = 1e-3, 1e-5  # relative change of the last step
+MOST_STEPS, RENEWALS = 10, 2  # of Broyden's method with one matrix, of matrices
+SMALL = 0.05  # relative; shorter steps may be longer than the one before, and need no new matrix
+NEWTON_STEPS = 12
+DIFFERENCE = 1e-6  # relative; for slopes
+LARGEST_CHANGE, SHORTEST = 0.3, 0.02  # of a step, relative; shares of a step
+LEAST_WEIGHT, AT_REST = 1e-6, 1e-8  # what moves less is round-off
+SLOWEST_RAD_S, FASTEST_RAD_S = 1.0, 200.0  # of a swing
+FAR_BEYOND = 10.0  # of presliding; swings whose slopes are those of Coulomb's law
+BESIDE = 1.5  # how far beyond the two swings around it in a sweep a cycle may be
 FIRST_AMPLITUDE_M = 0.02
-NEAR_RAD_S = (3.0, 90.0)  # modes of such frequencies keep amplitudes of their own
+HALVINGS = 4  # of a step of a sweep
 DECAYED = -25.0  # rad/s; a swing that dies faster is not followed further
-
-
-@dataclass(frozen=True, eq=False)
-class LinearPart:
-    """Receptances of the closed deck: channel 0 is the grip (force [N], travel [m]), the others muscles.
-
-    Of a muscle, the force is its tension [N] and the motion its relative length.
-
-    Attributes
-    ----------
-    poles : ndarray of complex, shape (r,)
-        [rad/s].
-    left, right : ndarray of complex, shapes (r, channels), (channels, r)
-        G(s) = right diag(1/(s - poles)) left + direct.
-    direct : ndarray, shape (channels, channels)
-        Of what has no mass.
-    """
-
-    poles: Complexes
-    left: Numbers
-    right: Numbers
-    direct: Floats
-
-    def at(self, s: complex) -> Complexes:
-        """Motions by forces, shape (channels, channels)."""
-        return np.asarray((self.right / (s - self.poles)) @ self.left + self.direct)
-
-
-def linear_part(loop: ClosedLoop, matrices: Matrices) -> LinearPart:
-    """Receptances from the matrices of a loop's deck (without friction).
-
-    Raises
-    ------
-    EvaluationError
-        The deck's eigenvectors are too close to each other for a sum over them.
-    """
-    g_ydot = 0.5 * (matrices.J_plus + matrices.J_minus)
-    g_y = (matrices.J_plus - matrices.J_minus) / (2.0 * matrices.c)
-    B, C = channels(loop, matrices)
-    inverse = np.linalg.solve(matrices.J_plus, matrices.J_minus)
-    Lambda, V_L, V_R = scipy.linalg.eig(inverse, left=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        lam = (Lambda - 1.0) / (Lambda + 1.0) / matrices.c
-    kept = np.isfinite(lam) & (np.abs(lam) < 1e6)
-    lam, V_R, V_L = lam[kept], V_R[:, kept], V_L[:, kept].conj().T
-    W = np.linalg.solve(matrices.J_plus.T, V_L.T).T  # left vectors of the pencil itself
-    W /= np.einsum("ki,ij,jk->k", W, g_ydot, V_R)[:, None]
-    left, right = W @ B, C @ V_R
-
-    def exact(s: complex) -> Complexes:
-        return np.asarray(C @ np.linalg.solve(s * g_ydot + g_y, B.astype(complex)))
-
-    bare = LinearPart(lam, left, right, np.zeros((len(C), B.shape[1])))
-    one, two = 3.0 + 40.0j, 1.0 + 20.0j
-    part = LinearPart(lam, left, right, (exact(one) - bare.at(one)).real)
-    error = np.abs(part.at(two) - exact(two)).max(axis=1) / np.abs(exact(two)).max(axis=1)
-    if not error.max() < 1e-6:
-        raise EvaluationError("harmonic balance", f"receptances of the closed deck are good to {error.max():.1g} only")
-    return part
-
-
-def channels(loop: ClosedLoop, matrices: Matrices) -> tuple[Floats, Floats]:
-    """Columns of forces and rows of motions in a deck's unknowns, shapes (n, channels), (channels, n).
-
-    A positive force of a channel makes its motion smaller: friction against the grip, tension of a muscle.
-    """
-    own = loop.pilot.matrices
-    assert own is not None
-    place = {name: i for i, name in enumerate(matrices.dof_names)}
-    to_deck = np.array([place.get(name, -1) for name in own.dof_names])
-    data, rows = muscle_data(loop.pilot), muscle_rows(loop.pilot)
-    model = descriptor(own)
-    count = len(rows) + 1
-    B, C = np.zeros((matrices.n, count)), np.zeros((count, matrices.n))
-    C[0, place["lever.gz"]] = loop.lever_length_m
-    B[place["lever.hz"], 0] = loop.lever_length_m
-    C[1:, to_deck[model.coordinates]] = rows[:, model.coordinates]
-    B[to_deck[model.equilibrium_rows], 1:] = (rows[:, model.coordinates] * data.l0_m[:, None]).T
-    return -B, C
-
-
-# ---- the balance -----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Swing:
-    """A balanced swing.
-
-    Attributes
-    ----------
-    amplitude_m : float
-        First harmonic of the grip's travel [m].
-    growth_rad_s, omega_rad_s : float
-        Of its first harmonic [rad/s].
-    harmonics : ndarray of complex, shape (channels, K + 1)
-        Of every channel's motion: mean, then y = Re sum c_k e^(j k omega t).
-    modes : ndarray of complex, shape (near modes,)
-        Amplitudes of the modes whose frequencies are near.
-    iterations : int
-        Steps of Newton's method.
-    """
-
-    amplitude_m: float
-    growth_rad_s: float
-    omega_rad_s: float
-    harmonics: Complexes = field(repr=False)
-    modes: Complexes = field(repr=False)
-    iterations: int = 0
-
-    @property
-    def frequency_hz(self) -> float:
-        """[Hz]."""
-        return self.omega_rad_s / (2.0 * math.pi)
-
-    @property
-    def mean_m(self) -> float:
-        """Mean travel of the grip [m]."""
-        return float(self.harmonics[0, 0].real)
-
-    def swing_m(self, samples: int = 256) -> float:
-        """Half the grip's peak-to-peak travel, all harmonics together [m]."""
-        t = np.arange(samples) / samples * 2.0 * math.pi
-        k = np.arange(self.harmonics.shape[1])
-        return 0.5 * float(np.ptp((self.harmonics[0][:, None] * np.exp(1j * np.outer(k, t))).real.sum(axis=0)))
 
 
 class HarmonicBalance:
@@ -162,289 +51,394 @@ class HarmonicBalance:
 
     Parameters
     ----------
-    linear : LinearPart
-        The closed deck without its nonlinear elements.
-    muscles : MuscleLaw
-        Of the pilot.
+    model : SwingModel
+        The closed deck without friction.
     friction : Friction, optional
-        Of the lever.
-    stops : GripStops, optional
         Of the lever.
     harmonics : int
         K; 1 is the describing function.
-    geometry : complex, optional
-        What the arm's geometry adds to the first harmonic of the force at the grip, c m A for a travel of amplitude A
-        and mean m [N/m^2]; from `geometry.measured`.
     """
 
-    def __init__(
-        self,
-        linear: LinearPart,
-        muscles: MuscleLaw,
-        friction: Friction | None = None,
-        stops: GripStops | None = None,
-        harmonics: int = 1,
-        geometry: complex | None = None,
-    ) -> None:
-        self.linear, self.muscles, self.friction, self.stops, self.K = linear, muscles, friction, stops, harmonics
-        self.geometry = geometry
-        n = SAMPLES if harmonics < 4 else SAMPLES * (harmonics // 2)
-        phases = np.outer(np.arange(harmonics + 1), np.arange(n) / n * 2.0 * math.pi)
-        self._to_time = np.exp(1j * phases)
-        self._to_harmonics = np.exp(-1j * phases) * (2.0 / n)
-        self._to_harmonics[0] *= 0.5
-        self._share = 1.0  # of the nonlinear elements, in homotopy
-        lam = linear.poles
-        close = (lam.imag > NEAR_RAD_S[0]) & (lam.imag < NEAR_RAD_S[1])
-        nothing = np.zeros_like(linear.direct)
-        self._near = LinearPart(lam[close], linear.left[close], linear.right[:, close], nothing)
-        self._rest = LinearPart(lam[~close], linear.left[~close], linear.right[:, ~close], linear.direct)
+    def __init__(self, model: SwingModel, friction: Friction | None = None, harmonics: int = 1) -> None:
+        self.model, self.friction, self.K = model, friction, harmonics
+        self._deck = Basis(harmonics, max(SAMPLES, PER_HARMONIC * harmonics))
+        self._fine = Basis(harmonics, FINE)
+        self._share = 1.0  # of everything nonlinear, in homotopy
+        self.evaluations = 0
 
     def with_harmonics(self, harmonics: int) -> HarmonicBalance:
         """The same with another number of harmonics."""
-        return HarmonicBalance(self.linear, self.muscles, self.friction, self.stops, harmonics, self.geometry)
+        return HarmonicBalance(self.model, self.friction, harmonics)
 
-    # forces by motions: complex harmonics (channels, K + 1)
+    # ---- residual
 
-    def forces(self, Y: Complexes, omega: float) -> Complexes:
-        """Harmonics of the elements' forces, (channels, K + 1); `Y` those of the motions, same shape."""
-        W = np.zeros_like(Y)
-        rates = Y * (1j * omega * np.arange(self.K + 1))
-        W[1:] = self.muscles.excess((Y[1:] @ self._to_time).real, (rates[1:] @ self._to_time).real) @ (
-            self._to_harmonics.T
-        )
-        W[0] = self._at_the_grip(Y[0], rates[0], omega) @ self._to_harmonics.T
-        W[:, 0] = W[:, 0].real
-        if self.geometry is not None:
-            W[0, 1] += self.geometry * Y[0, 0].real * Y[0, 1]
-        return self._share * W
+    def exponents(self, s: complex) -> Complexes:
+        """Rates of the harmonics over themselves [rad/s], shape (K + 1,)."""
+        out = 1j * s.imag * np.arange(self.K + 1)
+        out[0], out[1] = max(SLOW, s.real), s
+        return np.asarray(out)
 
-    def _at_the_grip(self, travel: Complexes, rate: Complexes, omega: float) -> Floats:
-        total = np.zeros(self._to_time.shape[1])
+    def residual(self, Y: Complexes, s: complex) -> Complexes:
+        """Harmonics of what is left of the equations, (n, K + 1); `Y` of the same shape.
+
+        EvaluationError if they have no finite value.
+        """
+        self.evaluations += 1
+        rates = Y * self.exponents(s)
+        left = self.model.deck.along(self._deck.in_time(Y).T, self._deck.in_time(rates).T)
+        return self._with_friction(Y, rates, s, left)
+
+    def _with_friction(self, Y: Complexes, rates: Complexes, s: complex, left: Floats) -> Complexes:
+        """Harmonics of the deck's residuals (samples, n), the lever's friction and what homotopies change added."""
+        model, share = self.model, self._share
+        R = self._deck.harmonics(left.T)
+        if share != 1.0:
+            R = share * R + (1.0 - share) * (model.g_y @ Y + model.g_ydot @ rates)
         if self.friction is not None:
-            total += friction_force(self.friction, (rate @ self._to_time).real, 2.0 * math.pi / omega)
-        if self.stops is not None:
-            total += self.stops.force((travel @ self._to_time).real)
-        return total
+            R -= share * np.outer(model.B[:, 0], self._friction(Y[model.lever], rates[model.lever], s, self.friction))
+        R[:, 0] = R[:, 0].real
+        return np.asarray(R)
 
-    def balance(self, amplitude_m: float, start: Swing) -> Swing:
-        """The swing of one amplitude, by Newton's method from a neighbour.
+    def _friction(self, g: Complexes, rate: Complexes, s: complex, friction: Friction) -> Complexes:
+        """Harmonics of the friction at the grip [N] by those of the lever's rotation parameter; (K + 1,) each."""
+        at, by = self._fine.in_time(g), self._fine.in_time(rate)
+        velocity = self.model.lever_length_m * by / (1.0 + 0.25 * at * at)
+        return self._fine.harmonics(friction_force(friction, velocity, 2.0 * math.pi / s.imag))
+
+    def element_forces(self, Y: Complexes, s: complex) -> Complexes:
+        """Harmonics of the forces of friction and muscles beyond what the linear deck has, (channels, K + 1) [N]."""
+        exponents = self.exponents(s)
+        motions = self.model.C @ Y
+        stretch, rate = self._deck.in_time(motions[1:]), self._deck.in_time(motions[1:] * exponents)
+        out = np.zeros_like(motions)
+        out[1:] = self._deck.harmonics(self.model.muscles.excess(stretch, rate))
+        if self.friction is not None:
+            out[0] = self._friction(Y[self.model.lever], Y[self.model.lever] * exponents, s, self.friction)
+        return out
+
+    # ---- slopes of the elements
+
+    def _slopes(self, Y: Complexes, s: complex) -> Complexes:
+        """Harmonics of every channel's force by the parts of its own motion, (channels, K + 1, 2 K + 1).
+
+        Parts are the mean, then real and imaginary parts of the harmonics; of muscles only the lower ones count. The
+        averages over a period of the slopes of muscles and stops are left out: the deck's mean tangents have them.
+        """
+        model, basis, exponents = self.model, self._deck, self.exponents(s)
+        motions = model.C @ Y
+        x, v = basis.in_time(motions[1:]), basis.in_time(motions[1:] * exponents)
+        m, low = 2 * self.K + 1, min(self.K, MUSCLE_HARMONICS)
+        units = np.zeros((m, self.K + 1), dtype=complex)
+        for p in range(m):
+            units[p, (p + 1) // 2] = 1.0 if p % 2 or p == 0 else 1j
+        moves, rates = basis.in_time(units), basis.in_time(units * exponents)
+        out = np.zeros((len(motions), self.K + 1, m), dtype=complex)
+        stiff, damp = (a - a.mean(axis=1, keepdims=True) for a in model.muscles.slopes_along(x, v))
+        parts = 2 * low + 1
+        response = stiff[:, None, :] * moves[:parts] + damp[:, None, :] * rates[:parts]
+        out[1:, :, :parts] = np.moveaxis(basis.harmonics(response), 1, 2)
+        if model.stops is not None:
+            turned = basis.in_time(Y[model.lever])
+            stiffness = model.stops.stiffness(model.travel_m(turned)) / (1.0 + 0.25 * turned * turned)
+            out[0] += basis.harmonics((stiffness - stiffness.mean()) * moves).T
+        if self.friction is not None:
+            g, rate = Y[model.lever], (Y * exponents)[model.lever]
+            friction, step = self.friction, 1e-5 * abs(g[1])
+            if abs(g[1]) * model.lever_length_m > FAR_BEYOND * friction.presliding_m:
+                friction = dataclasses.replace(friction, model="coulomb")  # bristles hardly matter, and take time
+            at = self._friction(g, rate, s, friction)
+            for p in range(m):
+                other = self._friction(g + step * units[p], rate + step * units[p] * exponents, s, friction)
+                out[0, :, p] += (other - at) / (step * model.lever_length_m)
+        return np.asarray(self._share * out)
+
+    # ---- Newton and Broyden
+
+    def solve(self, start: Swing, amplitude_m: float | None, tolerance: float = FINAL) -> Swing:
+        """The swing near another of some amplitude (of the rotation parameter), or of no growth for None.
 
         Raises
         ------
         EvaluationError
             It is not found.
         """
-        scale = np.where(np.arange(self.K + 1) == 0, 1.0, amplitude_m / start.amplitude_m)
-        Y, s = start.harmonics * scale, complex(start.growth_rad_s, start.omega_rad_s)
-        q = start.modes * scale[1]
-        count, modes = len(Y), len(q)
-        cut = count * (2 * self.K + 1)
-        sizes = np.maximum(np.abs(Y[:, 1]), 1e-6 * np.abs(Y[:, 1]).max())
-        for step in range(MOST_STEPS):
-            F, jacobian = self._equations(Y, q, s)
-            error = float(np.abs(F[:cut].reshape(count, -1) / sizes[:, None]).max())
-            error = max(error, float(np.abs(F[cut:]).max(initial=0.0) / (np.abs(q).max(initial=0.0) * abs(s) + 1e-300)))
-            if error < TOLERANCE:
-                return Swing(amplitude_m, s.real, s.imag, Y, q, step)
-            change = -np.linalg.solve(jacobian, F)
-            ds = complex(change[1], change[2])
-            change[1:3] = 0.0
-            share = min(1.0, 0.2 * s.imag / max(abs(ds), 1e-12))
-            Y = np.asarray(Y + share * _complex(np.asarray(change[:cut].reshape(count, -1), dtype=float)))
-            q = q + share * (change[cut : cut + modes] + 1j * change[cut + modes :])
-            s += share * ds
-            if not (np.isfinite(s) and s.imag > 1.0):
+        model = self.model
+        Y = np.zeros((len(start.unknowns), self.K + 1), dtype=complex)
+        shared = min(self.K, start.harmonics) + 1
+        Y[:, :shared] = start.unknowns[:, :shared]
+        s = start.pole
+        grip = model.C[0] @ Y[:, 1]
+        Y *= np.exp(-1j * np.angle(grip) * np.arange(self.K + 1))  # phases count from the grip's
+        if amplitude_m is None:
+            s = complex(0.0, s.imag)
+        else:
+            Y *= np.where(np.arange(self.K + 1) == 0, 1.0, amplitude_m / abs(grip))
+            Y[model.lever, 1] = amplitude_m / model.lever_length_m
+        before, steady = self.evaluations, amplitude_m is None
+        try:
+            if steady and self.touches_stop(start):
+                raise EvaluationError("harmonic balance", "stops want the exact slopes")
+            Y, s = self._by_broyden(Y, s, steady, tolerance)
+        except EvaluationError:
+            Y, s = self._by_gmres(Y, s, steady, tolerance)
+        return self._swing(Y, s, self.evaluations - before)
+
+    def touches_stop(self, swing: Swing) -> bool:
+        """Whether the lever meets a stop."""
+        stops = self.model.stops
+        return stops is not None and bool(np.any(stops.force(swing.travel_m) != 0.0))
+
+    def _by_broyden(self, Y: Complexes, s: complex, steady: bool, tolerance: float) -> tuple[Complexes, complex]:
+        """Few residuals where Newton's method knows the deck well; EvaluationError if it does not."""
+        for _ in range(RENEWALS):
+            newton, R = self._newton(Y, s, steady)
+            weights = self._weights(Y, s)
+            step = newton(R)
+            size = float(np.abs(step * weights).max())
+            steps: list[Floats] = []
+            for _ in range(MOST_STEPS):
+                share = min(1.0, LARGEST_CHANGE / max(size, 1e-300))
+                Y, s = self._moved(Y, s, share * step)
+                if size < tolerance:
+                    return Y, s
+                if share < 1.0:
+                    break
+                steps.append(step)
+                step = broyden(newton(self.residual(Y, s)), steps, weights)
+                now = float(np.abs(step * weights).max())
+                if now > 2.0 * size and now > SMALL:
+                    break
+                size = now
+        raise EvaluationError("harmonic balance", "Broyden's method goes astray")
+
+    def _by_gmres(self, Y: Complexes, s: complex, steady: bool, tolerance: float) -> tuple[Complexes, complex]:
+        """Newton's method with the slopes of the residuals themselves; steps are shortened until the next is less."""
+        newton, R = self._newton(Y, s, steady)
+        rough = newton(R)
+        for _ in range(NEWTON_STEPS):
+            weights = self._weights(Y, s)
+            step = gmres(self._products(Y, s, newton, rough, weights), rough * weights) / weights
+            size = float(np.abs(step * weights).max())
+            share = min(1.0, LARGEST_CHANGE / max(size, 1e-300))
+            before = float(np.linalg.norm(rough * weights))
+            while share > SHORTEST:
+                there = self._moved(Y, s, share * step)
+                if size < tolerance:
+                    return there
+                rough = newton(self.residual(*there))
+                if float(np.linalg.norm(rough * weights)) < (1.0 - 0.2 * share) * before:
+                    break
+                share *= 0.5
+            else:
                 break
-        raise EvaluationError(
-            "harmonic balance", f"no swing of {1e3 * amplitude_m:.3g} mm was found near {start.frequency_hz:.2f} Hz"
-        )
+            Y, s = there
+            if size > SMALL:  # otherwise the matrix of before is good enough
+                newton, R = self._newton(Y, s, steady)
+                rough = newton(R)
+        what = "steady swing" if steady else f"swing of {1e3 * abs(self.model.C[0] @ Y[:, 1]):.3g} mm"
+        hertz = s.imag / (2.0 * math.pi)
+        raise EvaluationError("harmonic balance", f"no {what} was found near {hertz:.2f} Hz with {self.K} harmonics")
 
-    def missing_force(self, amplitude_m: float, s: complex, start: Swing) -> tuple[complex, Swing]:
-        """First harmonic of a force at the grip [N] with which a swing of one amplitude has the pole `s` [rad/s].
+    def _products(
+        self, Y: Complexes, s: complex, newton: Callable[[Complexes], Floats], rough: Floats, weights: Floats
+    ) -> Callable[[Floats], Floats]:
+        """The slope of `newton` steps along a direction, all weighted; `rough` is the step from here."""
 
-        Raises
-        ------
-        EvaluationError
-            It is not found.
+        def product(direction: Floats) -> Floats:
+            off = DIFFERENCE / float(np.abs(direction).max())
+            there = self.residual(*self._moved(Y, s, off * direction / weights))
+            return np.asarray((rough - newton(there)) * weights / off)
+
+        return product
+
+    def _swing(self, Y: Complexes, s: complex, evaluations: int) -> Swing:
+        travel = self.model.travel_m(self._fine.in_time(Y[self.model.lever]))
+        return Swing(s.real, s.imag, Y, travel, evaluations)
+
+    def _weights(self, Y: Complexes, s: complex) -> Floats:
+        """By which steps are measured: over the largest first harmonic of unknowns of the same kind; s over omega."""
+        kinds = self.model.kind_of_unknown
+        largest = np.zeros(kinds.max() + 1)
+        np.maximum.at(largest, kinds, np.abs(Y[:, 1]))
+        each = np.where(largest > AT_REST, 1.0 / np.maximum(largest, AT_REST), LEAST_WEIGHT)[kinds]
+        block = np.repeat(each[:, None], 2 * self.K + 1, axis=1)
+        block[:, 0] = LEAST_WEIGHT  # means are in no proportion to the swing, that of the height to nothing
+        block[self.model.lever, 0] = each[self.model.lever]
+        return np.concatenate((block.ravel(), np.full(2, 1.0 / s.imag)))
+
+    def _moved(self, Y: Complexes, s: complex, step: Floats) -> tuple[Complexes, complex]:
+        there = s + complex(step[-2], step[-1])
+        if not SLOWEST_RAD_S < there.imag < FASTEST_RAD_S:  # a NaN is not between them either
+            raise EvaluationError("harmonic balance", f"no swing was found near {s.imag / (2.0 * math.pi):.2f} Hz")
+        return np.asarray(Y + complexes(step[:-2].reshape(len(Y), -1))), there
+
+    def _newton(self, Y: Complexes, s: complex, steady: bool) -> tuple[Callable[[Complexes], Floats], Complexes]:
+        """Steps against residuals, and the residual here.
+
+        A step: unknowns as reals, (n, 2 K + 1) one after the other, then sigma and omega. What is fixed has a step of
+        zero: sigma and the grip's phase in a steady swing, else the grip's first harmonic.
         """
-        scale = np.where(np.arange(self.K + 1) == 0, 1.0, amplitude_m / start.amplitude_m)
-        Y, q, force = start.harmonics * scale, start.modes * scale[1], 0.0 + 0.0j
-        count, near = len(Y), self._near
-        cut = count * (2 * self.K + 1)
-        for step in range(MOST_STEPS):
-            F, jacobian = self._equations(Y, q, s)
-            G = self._rest.at(s)[:, 0]
-            modal = -near.left[:, 0]
-            for column, turn in ((1, 1.0 + 0j), (2, 1j)):
-                block = np.zeros((count, 2 * self.K + 1))
-                block[:, 1], block[:, 2] = (-G * turn).real, (-G * turn).imag
-                jacobian[:, column] = np.concatenate((block.ravel(), (modal * turn).real, (modal * turn).imag))
-            F = F + jacobian[:, 1] * force.real + jacobian[:, 2] * force.imag
-            change = -np.linalg.solve(jacobian, F)
-            moved = complex(change[1], change[2])
-            change[1:3] = 0.0
-            Y = np.asarray(Y + _complex(np.asarray(change[:cut].reshape(count, -1), dtype=float)))
-            q = q + change[cut : cut + len(q)] + 1j * change[cut + len(q) :]
-            force += moved
-            if abs(moved) < 1e-7 * abs(force) + 1e-9:
-                return force, Swing(amplitude_m, s.real, s.imag, Y, q, step)
-        raise EvaluationError("harmonic balance", f"no swing of {1e3 * amplitude_m:.3g} mm at {s:.3g} rad/s was found")
+        model, K = self.model, self.K
+        m, exponents = 2 * K + 1, self.exponents(s)
+        rates = Y * exponents
+        self.evaluations += 1
+        left, g_y, g_ydot = model.deck.with_tangents(self._deck.in_time(Y).T, self._deck.in_time(rates).T)
+        R = self._with_friction(Y, rates, s, left)
+        if self._share != 1.0:
+            g_y = self._share * g_y + (1.0 - self._share) * model.g_y
+            g_ydot = self._share * g_ydot + (1.0 - self._share) * model.g_ydot
+        decks = [Locked(g_y, g_ydot, model, complex(each)) for each in exponents]
+        slopes = self._slopes(Y, s)
+        count = len(slopes)
+        slopes[0, range(K + 1), [0, *range(1, m, 2)]] -= LOCK_N_PER_M  # the spring that the locked deck has too many
+        slopes[0, range(1, K + 1), range(2, m, 2)] -= 1j * LOCK_N_PER_M
+        blocks = np.zeros((count, m, count, m))
+        for k, deck in enumerate(decks):
+            block = -deck.receptances[:, :, None] * slopes[:, k][None]
+            if k == 0:
+                blocks[:, 0] = block.real
+            else:
+                blocks[:, 2 * k - 1], blocks[:, 2 * k] = block.real, block.imag
+        J = blocks.reshape(count * m, count * m)
+        J[range(count * m), range(count * m)] += 1.0
+        parts = 2 * min(K, MUSCLE_HARMONICS) + 1
+        known = (np.arange(m) < parts)[None, :] | (np.arange(count) == 0)[:, None]
+        kept = np.flatnonzero(known.ravel())
+        J = J[np.ix_(kept, kept)]
 
-    def _receptances(self, s: complex) -> list[Complexes]:
-        omega = s.imag
-        higher = [self.linear.at(1j * k * omega) for k in range(2, self.K + 1)]
-        return [self.linear.at(max(SLOW, s.real)).real.astype(complex), self._rest.at(s), *higher]
+        def solved(right: np.ndarray) -> Complexes:
+            return np.stack([deck.solve(right[:, k]) for k, deck in enumerate(decks)], axis=1)
 
-    def _equations(self, Y: Complexes, q: Complexes, s: complex) -> tuple[Floats, Floats]:
-        """Y - G W = 0 and (s - lambda) q - left W = 0 as reals, and their Jacobian.
+        # s in the place of what is fixed at the grip
+        growing = np.zeros(K + 1)
+        growing[1] = 1.0
+        turns = [(2, 1j * np.arange(K + 1))] if steady else [(1, growing), (2, 1j * np.arange(K + 1))]
+        by_s = {column: solved(g_ydot @ (Y * turn)) for column, turn in turns}
+        for column, motion in by_s.items():
+            J[:, column] = reals(model.C @ motion).ravel()[kept]
+        factors = scipy.linalg.lu_factor(J, check_finite=False)
 
-        Near modes keep an amplitude q of their own, so that s may be one of their poles. The grip's first harmonic is
-        given; s is unknown in its place.
-        """
-        count, m, modes = len(Y), 2 * self.K + 1, len(q)
-        near = self._near
-        W, G = self.forces(Y, s.imag), self._receptances(s)
+        def step(R: Complexes) -> Floats:
+            Z = solved(R)
+            found = scipy.linalg.lu_solve(factors, -reals(model.C @ Z).ravel()[kept], check_finite=False)
+            moved = np.zeros(2)
+            change = -Z
+            for column, motion in by_s.items():
+                moved[column - 1], found[column] = found[column], 0.0
+                change -= motion * moved[column - 1]
+            c = np.zeros(count * m)
+            c[kept] = found
+            W = np.einsum("ikp,ip->ik", slopes, c.reshape(count, m))
+            for k, deck in enumerate(decks):
+                change[:, k] += deck.forced @ W[:, k]
+            return np.concatenate((reals(change).ravel(), moved))
 
-        def first_block(s: complex, W: Complexes, G: list[Complexes]) -> Floats:
-            moved = np.stack([G[k] @ W[:, k] for k in range(self.K + 1)], axis=1)
-            moved[:, 1] += near.right @ q
-            modal = (s - near.poles) * q - near.left @ W[:, 1]
-            return np.concatenate((_reals(Y - moved).ravel(), modal.real, modal.imag))
+        return step, R
 
-        F = first_block(s, W, G)
-        cut = count * m
-        size = cut + 2 * modes
-        jacobian = np.zeros((size, size))
-        J = np.zeros((count, m, count, m))
-        by_modes = np.zeros((2 * modes, count, m))
-        steps = 1e-6 * (np.abs(Y[:, 1]) + 1e-3 * np.abs(Y[:, 1]).max())
-        for p in range(m):  # every channel's force depends on its own motion only
-            E = np.zeros((count, m))
-            E[:, p] = steps
-            dW = (self.forces(Y + _complex(E), s.imag) - W) / steps[:, None]
-            for k in range(self.K + 1):
-                block = -(G[k] * dW[:, k][None, :])
-                if k == 0:
-                    J[:, 0, :, p] = block.real
-                else:
-                    J[:, 2 * k - 1, :, p], J[:, 2 * k, :, p] = block.real, block.imag
-            modal = -near.left * dW[:, 1][None, :]
-            by_modes[:modes, :, p], by_modes[modes:, :, p] = modal.real, modal.imag
-        jacobian[:cut, :cut] = J.reshape(cut, cut)
-        jacobian[cut:, :cut] = by_modes.reshape(2 * modes, cut)
-        jacobian[range(cut), range(cut)] += 1.0
-        rows = np.arange(count) * m + 1
-        right, own = near.right, s - near.poles
-        jacobian[rows, cut : cut + modes], jacobian[rows, cut + modes :] = -right.real, right.imag
-        jacobian[rows + 1, cut : cut + modes], jacobian[rows + 1, cut + modes :] = -right.imag, -right.real
-        i = np.arange(modes)
-        jacobian[cut + i, cut + i] = jacobian[cut + modes + i, cut + modes + i] = own.real
-        jacobian[cut + i, cut + modes + i], jacobian[cut + modes + i, cut + i] = -own.imag, own.imag
-        for column, ds in ((1, 1e-6 + 0j), (2, 1e-6j)):  # real and imaginary part of s
-            other = self.forces(Y, (s + ds).imag) if ds.imag else W
-            jacobian[:, column] = (first_block(s + ds, other, self._receptances(s + ds)) - F) / 1e-6
-        return F, jacobian
-
-    # ---- a first swing, and all of them
+    # ---- a first swing, all of them, those that stay
 
     def first(self, amplitude_m: float = FIRST_AMPLITUDE_M) -> Swing:
-        """A swing of the loop's least damped oscillation between 1 and 10 Hz that moves the grip, elements turned on.
+        """A swing of the loop's least damped oscillation between 1 and 10 Hz that moves the grip.
 
         EvaluationError if it is not found.
         """
-        lam, shape = self.linear.poles, self.linear.right
-        moves = (lam.imag > 2.0 * math.pi) & (lam.imag < 20.0 * math.pi)
-        seen = np.abs(shape[0] * self.linear.left[:, 0]) / np.maximum(np.abs(lam.real), 0.3)
-        if not moves.any():
-            raise EvaluationError("harmonic balance", "the closed loop has no oscillation between 1 and 10 Hz")
-        k = int(np.argmax(np.where(moves, seen, -1.0)))
+        pole, shape = self.model.least_damped()
         Y = np.zeros((len(shape), self.K + 1), dtype=complex)
-        Y[:, 1] = shape[:, k] / shape[0, k] * amplitude_m
-        q = np.where(self._near.poles == lam[k], amplitude_m / shape[0, k], 0.0)
-        swing = Swing(amplitude_m, float(lam[k].real), float(lam[k].imag), Y, q)
-        for share in (0.1, 0.3, 0.6, 1.0):
-            self._share = share
-            swing = self.balance(amplitude_m, swing)
+        Y[:, 1] = shape * amplitude_m
+        swing = self._swing(Y, pole, 0)
+        try:
+            for self._share in (0.1, 0.3, 0.6, 1.0):
+                swing = self.solve(swing, amplitude_m, ROUGH)
+        finally:
+            self._share = 1.0
         return swing
 
-    def sweep(self, amplitudes_m: Floats) -> list[Swing]:
-        """Swings of many amplitudes, from `first` up and down; those that cannot be followed are left out.
+    def sweep(self, amplitudes_m: Floats) -> tuple[list[Swing], str]:
+        """Swings of many amplitudes, from `first` up and down, and what could not be followed (empty: nothing).
 
-        `amplitudes_m` has shape (n,), rising.
+        Those that die at once, or on a stop, end it. `amplitudes_m` has shape (n,), rising. EvaluationError if there is
+        no first one.
         """
-        found: dict[float, Swing] = {}
         near = int(np.argmin(np.abs(np.log(amplitudes_m / FIRST_AMPLITUDE_M))))
         start = self.first(float(amplitudes_m[near]))
-        for way in (amplitudes_m[near:], amplitudes_m[:near][::-1]):
-            last = start
+        found, lost = {float(amplitudes_m[near]): start}, ""
+        for way, beyond in ((amplitudes_m[near + 1 :], "above"), (amplitudes_m[:near][::-1], "below")):
+            passed = [start]
             for amplitude in way.tolist():
                 try:
-                    last = self.balance(amplitude, last)
-                except EvaluationError:
+                    self._follow(passed, amplitude)
+                except EvaluationError as error:
+                    lost = f"swings {beyond} {1e3 * passed[-1].amplitude_m:.3g} mm were not followed: {error.reason}"
                     break
-                found[amplitude] = last
-                if last.growth_rad_s < DECAYED:
+                found[amplitude] = passed[-1]
+                growth = passed[-1].growth_rad_s
+                if growth < DECAYED or (growth < 0.0 and beyond == "above" and self.touches_stop(passed[-1])):
                     break
-        return [found[a] for a in sorted(found)]
+        return [found[a] for a in sorted(found)], lost
 
-    def limit_cycles(self, swings: list[Swing]) -> list[LimitCycle]:
-        """Where the growth of a sweep changes its sign, found to 1e-6 of the amplitude."""
-        cycles = []
-        for low, high in pairwise(swings):
-            if low.growth_rad_s == 0.0 or low.growth_rad_s * high.growth_rad_s > 0.0:
-                continue
-            stable = low.growth_rad_s > 0.0
-            a, b = low, high
-            for _ in range(30):
-                weight = a.growth_rad_s / (a.growth_rad_s - b.growth_rad_s)
-                weight = min(max(weight, 0.05), 0.95)
-                amplitude = math.exp((1.0 - weight) * math.log(a.amplitude_m) + weight * math.log(b.amplitude_m))
-                middle = self.balance(amplitude, a if weight < 0.5 else b)
-                if (middle.growth_rad_s > 0.0) == (a.growth_rad_s > 0.0):
-                    a = middle
-                else:
-                    b = middle
-                if abs(middle.growth_rad_s) < 1e-7 or b.amplitude_m / a.amplitude_m - 1.0 < 1e-6:
-                    break
-            cycles.append(LimitCycle(middle, stable))
-        return cycles
+    def _follow(self, passed: list[Swing], amplitude_m: float) -> None:
+        """Add the swing of an amplitude to those passed on the way to it, with others in between where it needs them.
 
+        EvaluationError if it cannot be reached.
+        """
+        step = math.log(amplitude_m / self._grip(passed[-1]))
+        least = 0.5**HALVINGS * abs(step)
+        while True:
+            left = math.log(amplitude_m / self._grip(passed[-1]))
+            if abs(left) < 1e-9:
+                return
+            goal = amplitude_m if abs(step) >= abs(left) else amplitude_m * math.exp(step - left)
+            try:
+                passed.append(self.solve(self._predicted(passed, goal), goal, ROUGH))
+                step *= 2.0
+            except EvaluationError:
+                step *= 0.5
+                if abs(step) < least:
+                    raise
 
-@dataclass(frozen=True)
-class LimitCycle:
-    """A swing that neither grows nor decays; whether its neighbours come to it (stable) or leave it."""
+    def _grip(self, swing: Swing) -> float:
+        """Amplitude of the rotation parameter at the grip [m]."""
+        return self.model.lever_length_m * float(abs(swing.unknowns[self.model.lever, 1]))
 
-    swing: Swing
-    stable: bool
+    def _predicted(self, passed: list[Swing], amplitude_m: float) -> Swing:
+        """A swing of an amplitude by the line through the last two."""
+        last = passed[-1]
+        if len(passed) < 2:
+            return last
+        before = passed[-2]
+        a, b = self._grip(before), self._grip(last)
+        share = math.log(amplitude_m / b) / math.log(b / a)
+        if abs(share) > 2.0:
+            return last
+        Y = last.unknowns / b + share * (last.unknowns / b - before.unknowns / a)
+        s = last.pole + share * (last.pole - before.pole)
+        return dataclasses.replace(last, growth_rad_s=s.real, omega_rad_s=s.imag, unknowns=Y * amplitude_m)
 
+    def limit_cycle(self, low: Swing, high: Swing) -> LimitCycle:
+        """The cycle between two swings of a sweep, of which one grows and one dies.
 
-def _reals(Z: Complexes) -> Floats:
-    """(channels, K + 1) complex -> (channels, 2 K + 1): mean, then real and imaginary parts."""
-    out = np.empty((len(Z), 2 * Z.shape[1] - 1))
-    out[:, 0], out[:, 1::2], out[:, 2::2] = Z[:, 0].real, Z[:, 1:].real, Z[:, 1:].imag
-    return out
+        Where all harmonics at once do not converge from one, other ways are tried; what then is reached is told.
+        """
+        stable = low.growth_rad_s > high.growth_rad_s
+        start = low if abs(low.growth_rad_s) < abs(high.growth_rad_s) else high
+        within = low.amplitude_m / BESIDE, high.amplitude_m * BESIDE
 
+        def of(harmonics: int, start: Swing) -> Swing:
+            found = (self if harmonics == self.K else self.with_harmonics(harmonics)).solve(start, None)
+            if not within[0] < found.amplitude_m < within[1]:
+                size = 1e3 * found.amplitude_m
+                raise EvaluationError("harmonic balance", f"another cycle was found, of {size:.3g} mm")
+            return found
 
-def _complex(X: Floats) -> Complexes:
-    return np.concatenate((X[:, :1] + 0j, X[:, 1::2] + 1j * X[:, 2::2]), axis=1)
-
-
-def grip_stops(loop: ClosedLoop) -> GripStops:
-    """Stops of a loop's lever, at the grip."""
-    return GripStops(*loop.travel_to_stops_m(), STOP_STIFFNESS_N_PER_M)
-
-
-def make_balance(
-    loop: ClosedLoop,
-    matrices: Matrices,
-    friction: Friction | None,
-    harmonics: int = 1,
-    clipped: bool = True,
-    stops: bool = True,
-    geometry: complex | None = None,
-) -> HarmonicBalance:
-    """The harmonic balance of a loop whose deck (without friction) has these matrices."""
-    law = MuscleLaw(muscle_data(loop.pilot), loop.gains.proportional_gain, loop.gains.derivative_gain, clipped)
-    ends = grip_stops(loop) if stops else None
-    return HarmonicBalance(linear_part(loop, matrices), law, friction, ends, harmonics, geometry)
+        best, trouble, told = start, "", "not refined, this is the nearest swing of the sweep"
+        for way in ((1, self.K), (self.K,), (3, self.K), (5, self.K), (self.K + 4,)):
+            swing = start if way == (self.K,) else best
+            try:
+                for harmonics in way:
+                    swing = of(harmonics, swing)
+                    if best is start:
+                        best, told = swing, "refined with one harmonic only"
+                return LimitCycle(swing, stable)
+            except EvaluationError as error:
+                trouble = error.reason
+        return LimitCycle(best, stable, f"{told}: {trouble}")

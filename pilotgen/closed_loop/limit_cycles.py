@@ -9,28 +9,25 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from pilotgen.closed_loop.deck import ClosedLoop, with_gearing
-from pilotgen.closed_loop.geometry import measured, ring_up
-from pilotgen.closed_loop.harmonic import HarmonicBalance, LimitCycle, Swing, channels, make_balance
-from pilotgen.closed_loop.poles import eigenvalues
+from pilotgen.closed_loop.harmonic import HarmonicBalance
+from pilotgen.closed_loop.swing import LimitCycle, Swing
+from pilotgen.closed_loop.swing_model import SwingModel, channels
 from pilotgen.closed_loop.threshold import Threshold, threshold
 from pilotgen.decks.vehicle import Friction
-from pilotgen.errors import EvaluationError
 from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Complexes, Floats
-from pilotgen.solver.matrices import Matrices
 
-AMPLITUDES = 14  # of a sweep
+AMPLITUDES = 10  # of a sweep, below the stops
 SMALLEST_M = 1e-3
-BEYOND_STOPS = 1.12  # largest amplitude over the travel to the farther stop
-REFINEMENTS = 12
+AT_STOPS = (0.8, 0.88, 0.96, 1.0, 1.02, 1.04, 1.06, 1.08, 1.12)  # amplitudes over half the travel between the stops
+HARMONICS = 9  # of limit cycles
 MAP_BISECTIONS = 4  # of a kick in a map: its size is known to 4 %
-SMALL_M = 2e-3  # a swing small enough for linear geometry
 NYQUIST_HZ = (1.5, 8.0, 70)
 
 
@@ -50,8 +47,8 @@ class Balanced:
         By rising amplitude.
     cycles : list of LimitCycle
         Where growth changes its sign.
-    geometry : complex or None
-        Coefficient of `geometry.measured`; None where no motion of the deck tells it.
+    lost : str
+        Which swings could not be followed; empty for none.
     """
 
     loop: ClosedLoop
@@ -59,7 +56,7 @@ class Balanced:
     balance: HarmonicBalance
     swings: list[Swing]
     cycles: list[LimitCycle]
-    geometry: complex | None
+    lost: str = ""
 
     @property
     def onset(self) -> LimitCycle | None:
@@ -67,81 +64,27 @@ class Balanced:
         return next((cycle for cycle in self.cycles if not cycle.stable), None)
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """What does not depend on friction: matrices of the deck, and the geometry's coefficient."""
-
-    loop: ClosedLoop
-    matrices: Matrices
-    geometry: complex | None
-
-
-def prepare(context: EvaluationContext, loop: ClosedLoop, geometry: bool = True, harmonics: int = 3) -> Prepared:
-    """Linearise a loop's deck, and let it ring up if it does.
-
-    Parameters
-    ----------
-    context, loop
-        Whose solver works; the loop.
-    geometry : bool
-        Whether to measure what the geometry does to large swings; six motions of the deck.
-    harmonics : int
-        Of the balance that is compared with them.
-
-    Raises
-    ------
-    EvaluationError
-        There is no oscillation between 1 and 10 Hz.
-    """
-    matrices = loop.linearise(context, loop.deck(), Path(context.scratch))
-    if not geometry:
-        return Prepared(loop, matrices, None)
-    bare = make_balance(loop, matrices, None, harmonics)
-    found = ring_up(context, loop, bare.first(SMALL_M).growth_rad_s)
-    return Prepared(loop, matrices, None if found is None else measured(bare, *found))
-
-
 def balanced(
-    prepared: Prepared, friction: Friction | None, harmonics: int = 5, amplitudes: int = AMPLITUDES
+    model: SwingModel, friction: Friction | None, harmonics: int = HARMONICS, amplitudes: int = AMPLITUDES
 ) -> Balanced:
-    """Growth by amplitude and limit cycles of a loop with some friction.
+    """Growth by amplitude (one harmonic) and limit cycles of a loop with some friction.
 
     Raises
     ------
     EvaluationError
         No swing could be balanced.
     """
-    loop = prepared.loop
-    balance = make_balance(loop, prepared.matrices, friction, 1, geometry=prepared.geometry)
-    most = BEYOND_STOPS * max(abs(end) for end in loop.travel_to_stops_m())
-    swings = balance.sweep(np.geomspace(SMALLEST_M, most, amplitudes))
-    if not swings:
-        raise EvaluationError("harmonic balance", "no swing of the grip could be balanced")
-    cycles = balance.limit_cycles(swings)
-    if harmonics > 1:
-        fine = balance.with_harmonics(harmonics)
-        cycles = [refined(fine, cycle) for cycle in cycles]
-    return Balanced(loop, friction, balance, swings, cycles, prepared.geometry)
-
-
-def refined(balance: HarmonicBalance, cycle: LimitCycle) -> LimitCycle:
-    """A limit cycle of one harmonic, with those of `balance`; as it was where that does not converge."""
-    swing = cycle.swing
-    Y = np.zeros((len(swing.harmonics), balance.K + 1), dtype=complex)
-    Y[:, :2] = swing.harmonics
-    try:
-        last = balance.balance(swing.amplitude_m, dataclasses.replace(swing, harmonics=Y))
-        amplitude = swing.amplitude_m * (1.02 if (last.growth_rad_s > 0.0) == cycle.stable else 0.98)
-        for _ in range(REFINEMENTS):
-            now = balance.balance(amplitude, last)
-            if abs(now.growth_rad_s) < 1e-6:
-                return LimitCycle(now, cycle.stable)
-            slope = (now.growth_rad_s - last.growth_rad_s) / math.log(now.amplitude_m / last.amplitude_m)
-            step = max(-0.15, min(0.15, -now.growth_rad_s / slope))
-            last, amplitude = now, now.amplitude_m * math.exp(step)
-    except (EvaluationError, ZeroDivisionError):
-        pass
-    return cycle
+    balance = HarmonicBalance(model, friction, 1)
+    low, high = model.loop.travel_to_stops_m()
+    at_stops = 0.5 * (high - low) * np.array(AT_STOPS)
+    swings, lost = balance.sweep(np.concatenate((np.geomspace(SMALLEST_M, 0.85 * at_stops[0], amplitudes), at_stops)))
+    fine = balance.with_harmonics(harmonics)
+    cycles = [
+        fine.limit_cycle(one, other)
+        for one, other in pairwise(swings)
+        if one.growth_rad_s * other.growth_rad_s < 0.0 or other.growth_rad_s == 0.0
+    ]
+    return Balanced(model.loop, friction, balance, swings, cycles, lost)
 
 
 # ---- Nyquist curves that depend on the amplitude ---------------------------------------------------------------------
@@ -157,21 +100,43 @@ def nyquist(found: Balanced, swing: Swing | None, frequency_hz: Floats) -> Compl
     assert matrices is not None
     g_ydot = 0.5 * (matrices.J_plus + matrices.J_minus)
     g_y = ((matrices.J_plus - matrices.J_minus) / (2.0 * matrices.c)).astype(complex)
-    if swing is not None:
-        B, C = channels(loop, matrices)
-        balance = found.balance.with_harmonics(swing.harmonics.shape[1] - 1)
-        W = balance.forces(swing.harmonics, swing.omega_rad_s)[:, 1]
-        g_y -= B @ ((W / swing.harmonics[:, 1])[:, None] * C)  # B has the sign of a motion, not of a residual
-    drive = [bytes(name).decode() for name in matrices.inputs.name].index("drive[seat_pin.position[2]]")
     lever = matrices.dof_names.index("lever.gz")
+    per_turn: complex = loop.lever_length_m
+    if swing is not None:
+        more, per_turn = _in_a_swing(found, swing)
+        g_y += more
+    drive = [bytes(name).decode() for name in matrices.inputs.name].index("drive[seat_pin.position[2]]")
     corner = loop.study.pilot.washout_rad_s
     L = np.zeros(len(frequency_hz), dtype=complex)
     for i, omega in enumerate((2.0 * math.pi * frequency_hz).tolist()):
         s = 1j * omega
         y = np.linalg.solve(s * g_ydot + g_y, -matrices.inputs.g_u[:, drive].astype(complex))
-        travel = y[lever] * loop.lever_length_m / s**2 * ((s / (s + corner)) ** 2 if corner is not None else 1.0)
+        travel = y[lever] * per_turn / s**2 * ((s / (s + corner)) ** 2 if corner is not None else 1.0)
         L[i] = -loop.study.inceptor.gearing_rad_per_m * travel * complex(loop.helicopter.response(omega))
     return L
+
+
+def _in_a_swing(found: Balanced, swing: Swing) -> tuple[Complexes, complex]:
+    """What g_y of the open deck has more in a swing, (n, n), and first harmonics of travel over lever rotation [m].
+
+    What the linear deck lacks is what is left of its equations along the swing's first harmonic. Muscles and friction
+    have their part of it by their own motions, the rest (geometry, stops) goes with the grip's.
+    """
+    balance = found.balance.with_harmonics(swing.harmonics)
+    model, Y, s = balance.model, swing.unknowns, swing.pole
+    names = {name: i for i, name in enumerate(model.matrices.dof_names)}
+    own = found.loop.pilot.matrices
+    assert own is not None
+    lacking = -(s * model.g_ydot + model.g_y) @ Y[:, 1]
+    B, C = channels(found.loop, own)  # B has the sign of a motion, not of a residual
+    forces = balance.element_forces(Y, s)[:, 1]
+    motions = model.C @ Y[:, 1]
+    more = -B @ ((forces / motions)[:, None] * C)
+    lacking = lacking + model.B @ forces
+    rows = np.array([names.get(name, -1) for name in own.dof_names])
+    rest = np.where(rows >= 0, lacking[rows], 0.0)
+    more += np.outer(rest / motions[0], C[0])
+    return more, complex(Y[names["grip_travel.x"], 1] / Y[model.lever, 1])
 
 
 # ---- onset over friction and gearing ---------------------------------------------------------------------------------
@@ -214,17 +179,17 @@ def onset_map(
     Raises
     ------
     EvaluationError
-        As `prepare` and `balanced`.
+        As `balanced`, or a deck cannot be linearised.
     """
     found = np.full((len(gearings_rad_per_m), len(frictions_n)), math.inf)
     kick = np.full(found.shape, math.inf)
     for i, gearing in enumerate(gearings_rad_per_m):
         geared = with_gearing(loop, gearing)
-        prepared = prepare(context, geared, harmonics=1)
-        bare = balanced(prepared, None, harmonics=1, amplitudes=10)
+        model = SwingModel(context, geared)
+        bare = balanced(model, None, harmonics=1)
         for j, force in enumerate(frictions_n):
             with_friction = None if force == 0.0 else scaled(friction, force)
-            cell = bare if with_friction is None else balanced(prepared, with_friction, harmonics=1, amplitudes=14)
+            cell = bare if with_friction is None else balanced(model, with_friction, harmonics=1)
             if cell.onset is not None:
                 found[i, j] = 1e3 * cell.onset.swing.amplitude_m
             elif cell.swings[0].growth_rad_s > 0.0:
@@ -251,15 +216,15 @@ def scaled(friction: Friction, breakout_n: float) -> Friction:
 # ---- told ------------------------------------------------------------------------------------------------------------
 
 
-def as_dict(found: Balanced, prepared: Prepared, threshold: Threshold | None, grid: OnsetMap | None) -> dict[str, Any]:
+def as_dict(found: Balanced, threshold: Threshold | None, grid: OnsetMap | None) -> dict[str, Any]:
     """The content of limit_cycles.json (docs/io_formats/closed_loop.md)."""
-    lam = eigenvalues(prepared.matrices)
+    lam = found.balance.model.poles
     swinging = lam[(lam.imag > 2.0 * math.pi) & (lam.imag < 20.0 * math.pi)]
     worst = swinging[int(np.argmax(swinging.real))] if len(swinging) else complex(math.nan, math.nan)
     content: dict[str, Any] = {
         "friction": None if found.friction is None else dataclasses.asdict(found.friction),
         "linear_pole": [float(worst.real), float(worst.imag)],
-        "geometry_n_per_m2": None if found.geometry is None else [found.geometry.real, found.geometry.imag],
+        "not_followed": found.lost or None,
         "growth": [
             {
                 "amplitude_mm": 1e3 * swing.amplitude_m,
@@ -272,9 +237,10 @@ def as_dict(found: Balanced, prepared: Prepared, threshold: Threshold | None, gr
         "limit_cycles": [
             {
                 "stable": cycle.stable,
-                "harmonics": cycle.swing.harmonics.shape[1] - 1,
+                "harmonics": cycle.swing.harmonics,
+                "trouble": cycle.trouble or None,
                 "amplitude_mm": 1e3 * cycle.swing.amplitude_m,
-                "swing_mm": 1e3 * cycle.swing.swing_m(),
+                "swing_mm": 1e3 * cycle.swing.swing_m,
                 "frequency_hz": cycle.swing.frequency_hz,
                 "mean_mm": 1e3 * cycle.swing.mean_m,
             }
@@ -320,6 +286,10 @@ def report_text(content: dict[str, Any]) -> str:
             f"{kind} limit cycle: {cycle['swing_mm']:.3g} mm of grip motion at {cycle['frequency_hz']:.3f} Hz, mean "
             f"{cycle['mean_mm']:+.2g} mm" + ("" if cycle["stable"] else "; smaller swings die, larger ones grow")
         )
+        if cycle["trouble"]:
+            lines.append(f"           {cycle['trouble']}")
+    if content["not_followed"]:
+        lines.append(f"note       {content['not_followed']}")
     if not content["limit_cycles"]:
         rates = [row["growth_rad_s"] for row in content["growth"]]
         grows = min(rates) > 0.0

@@ -29,10 +29,12 @@ def add_parser(commands: Any) -> None:
     )
     closed_loop.add_arguments(parser)
     parser.add_argument(
-        "--harmonics", metavar="K", type=int, choices=range(1, 10), default=5, help="of limit cycles (default: 5)"
-    )
-    parser.add_argument(
-        "--no-geometry", action="store_true", help="do not measure on the deck what the arm's geometry does (faster)"
+        "--harmonics",
+        metavar="K",
+        type=int,
+        choices=range(1, 22),
+        default=9,
+        help="of limit cycles (1 to 21, default: 9)",
     )
     parser.add_argument(
         "--verify",
@@ -68,8 +70,9 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Balance, verify, write, print."""
     from pilotgen.closed_loop.deck import friction_of
-    from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, prepare, report_text
+    from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, report_text
     from pilotgen.closed_loop.poles import check_open_loop
+    from pilotgen.closed_loop.swing_model import SwingModel
     from pilotgen.closed_loop.threshold import threshold
     from pilotgen.cures.friction import LEVELS_N
     from pilotgen.decks.vehicle import Friction
@@ -89,8 +92,8 @@ def run(args: argparse.Namespace) -> int:
         try:
             friction = friction_of(loop.study)
             line.update("growth by amplitude")
-            prepared = prepare(context, loop, geometry=not args.no_geometry)
-            found = balanced(prepared, friction, args.harmonics)
+            model = SwingModel(context, loop)
+            found = balanced(model, friction, args.harmonics)
             kicked = grid = None
             if args.verify:
                 kicked = threshold(
@@ -109,13 +112,13 @@ def run(args: argparse.Namespace) -> int:
                 )
         finally:
             line.finish()
-        content = {"study": study.name, "values": opened.values, **as_dict(found, prepared, kicked, grid)}
+        content = {"study": study.name, "values": opened.values, **as_dict(found, kicked, grid)}
         write_text(directory / "limit_cycles.json", to_json(content))
         if not args.no_figures:
             from pilotgen.figures import limit_cycles as figures
             from pilotgen.figures import style
 
-            bare = found if friction is None else balanced(prepared, None, 1)
+            bare = found if friction is None else balanced(model, None, 1)
             style.save(figures.growth(found, bare), directory / "growth.png")
             style.save(figures.nyquist(found), directory / "nyquist.png")
             if grid is not None:

@@ -29,15 +29,16 @@ def growth(found: Balanced, bare: Balanced) -> Figure:
     if found.friction is not None:
         runs.append((found, BLUE, f"friction of {found.friction.breakout_n:g} N"))
     for run, color, words in runs:
-        swings = sorted([*run.swings, *(cycle.swing for cycle in run.cycles)], key=lambda swing: swing.amplitude_m)
-        mm = [1e3 * swing.amplitude_m for swing in swings]
-        rate.plot(mm, [swing.growth_rad_s for swing in swings], color=color, label=words)
-        frequency.plot(mm, [swing.frequency_hz for swing in swings], color=color)
+        mm = [1e3 * swing.swing_m for swing in run.swings]
+        rate.plot(mm, [swing.growth_rad_s for swing in run.swings], color=color, label=words)
+        frequency.plot(mm, [swing.frequency_hz for swing in run.swings], color=color)
     for cycle in found.cycles:
-        at = 1e3 * cycle.swing.amplitude_m
+        at = 1e3 * cycle.swing.swing_m
         color, face = (GREEN, GREEN) if cycle.stable else (VERMILLION, "white")
         words = f"{'stable' if cycle.stable else 'unstable'} limit cycle, {at:.3g} mm"
-        rate.plot(at, 0.0, marker="o", color=color, mfc=face, markersize=7, linestyle="", label=words)
+        dot = {"marker": "o", "color": color, "mfc": face, "markersize": 7, "linestyle": ""}
+        rate.plot(at, 0.0, label=words, **dot)
+        frequency.plot(at, cycle.swing.frequency_hz, **dot)
     rate.axhline(0.0, color=BLACK, linewidth=0.9)
     rate.set_xscale("log")
     rate.set_ylim(max(rate.get_ylim()[0], -12.0), rate.get_ylim()[1])
@@ -45,7 +46,7 @@ def growth(found: Balanced, bare: Balanced) -> Figure:
     rate.set_title("swings of the grip: those below the line die, those above grow")
     rate.legend(loc="lower right")
     frequency.set_ylabel("frequency [Hz]")
-    frequency.set_xlabel("amplitude of the grip [mm]")
+    frequency.set_xlabel("swing of the grip, half its peak-to-peak travel [mm]")
     return figure
 
 
@@ -57,12 +58,12 @@ def nyquist(found: Balanced) -> Figure:
     f = np.linspace(*NYQUIST_HZ)
     axes.plot(*_parts(curve(found, None, f)), color=BLACK, linestyle=(0, (5, 3)), label="linear, no friction")
     chosen = [found.swings[i] for i in sorted({len(found.swings) // 3, 2 * len(found.swings) // 3})]
-    shown = [(swing, f"{1e3 * swing.amplitude_m:.3g} mm") for swing in chosen]
+    shown = [(swing, f"{1e3 * swing.swing_m:.3g} mm") for swing in chosen]
     shown += [
-        (cycle.swing, f"{1e3 * cycle.swing.amplitude_m:.3g} mm, {'stable' if cycle.stable else 'unstable'} limit cycle")
+        (cycle.swing, f"{1e3 * cycle.swing.swing_m:.3g} mm, {'stable' if cycle.stable else 'unstable'} limit cycle")
         for cycle in found.cycles
     ]
-    for (swing, words), color in zip(sorted(shown, key=lambda s: s[0].amplitude_m), LINE_COLORS, strict=False):
+    for (swing, words), color in zip(sorted(shown, key=lambda s: s[0].swing_m), LINE_COLORS, strict=False):
         axes.plot(*_parts(curve(found, swing, f)), color=color, label=words)
     axes.plot(-1.0, 0.0, marker="+", color=VERMILLION, markersize=11, markeredgewidth=2.0, linestyle="")
     axes.set_aspect("equal", adjustable="datalim")

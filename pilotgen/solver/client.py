@@ -136,7 +136,7 @@ class SolverClient:
 
         Parameters
         ----------
-        task : "check", "static", "linearise", "integrate" or "version"
+        task : "check", "static", "linearise", "integrate", "residuals" or "version"
         deck_text : the deck; None = read the file `name`
         name : the deck's path, or with `deck_text` what messages call it
         output : file to write; None = write nothing

@@ -12,7 +12,9 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <new>
+#include <span>
 #include <stdexcept>
 
 #include "mbdae/dae/analyses.h"
@@ -29,8 +31,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// A deck larger than this is something else [bytes].
-constexpr std::size_t kLargestDeck = 256u << 20;
+/// A deck or a file of samples larger than this is something else [bytes].
+constexpr std::size_t kLargestFile = 256u << 20;
 
 /// The job asks for something that cannot be done with this deck, or with these options.
 class BadRequest : public std::runtime_error {
@@ -38,14 +40,15 @@ class BadRequest : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-std::string read_text_file(const std::string& path) {
+/// The bytes of a regular file; `what` it is, for messages.
+std::string read_whole_file(const std::string& path, const char* what = "deck") {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO without a writer would block
   if (fd < 0) throw FileError("cannot read '" + path + "': " + std::strerror(errno));
   struct stat status {};
   if (::fstat(fd, &status) == 0 && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode)) {
     ::close(fd);
     throw FileError("cannot read '" + path + "': it is a " +
-                    (S_ISFIFO(status.st_mode) ? "FIFO" : "device or a socket") + ", decks are regular files");
+                    (S_ISFIFO(status.st_mode) ? "FIFO" : "device or a socket") + ", a " + what + " is a regular file");
   }
   std::string text;
   char buffer[65536];
@@ -58,9 +61,9 @@ std::string read_text_file(const std::string& path) {
       throw FileError("cannot read '" + path + "': " + std::strerror(error));
     }
     text.append(buffer, static_cast<std::size_t>(count));
-    if (text.size() > kLargestDeck) {
+    if (text.size() > kLargestFile) {
       ::close(fd);
-      throw FileError("'" + path + "' is larger than 256 MB: this is not a deck");
+      throw FileError("'" + path + "' is larger than 256 MB: this is not a " + what);
     }
   }
   ::close(fd);
@@ -71,7 +74,7 @@ std::string read_text_file(const std::string& path) {
 std::string deck_hash(const std::string& text, const Deck& deck) {
   if (deck.files.size() < 2) return sha256_hex(text);
   std::string all = text;
-  for (std::size_t i = 1; i < deck.files.size(); ++i) all += read_text_file(deck.files[i]);
+  for (std::size_t i = 1; i < deck.files.size(); ++i) all += read_whole_file(deck.files[i]);
   return sha256_hex(all);
 }
 
@@ -127,6 +130,8 @@ const char* analysis_name(Task task) {
       return "linearise";
     case Task::integrate:
       return "integrate";
+    case Task::residuals:
+      return "residuals";
     default:
       return "check";
   }
@@ -142,6 +147,10 @@ void refuse_unused_options(Task task, const JobOptions& options) {
   }
   if (const char* name = options.static_option(); name && task != Task::static_equilibrium) {
     throw BadRequest(std::string("option '") + name + "' belongs to a static equilibrium" + doing);
+  }
+  if (task != Task::residuals && (options.samples || options.tangents)) {
+    throw BadRequest(std::string("option '") + (options.samples ? "samples" : "tangents") + "' belongs to residuals" +
+                     doing);
   }
   if (options.layout && task != Task::check) throw BadRequest("option 'layout' belongs to a check" + doing);
 }
@@ -215,6 +224,49 @@ Motion integrate_deck(const Deck& deck, const Job& job, Integration& integration
   return integrate(deck, options);
 }
 
+/// The deck whose residuals were asked for last: a balance asks for those of one deck some hundred times, and reading
+/// it takes as long as everything else. Decks that read other files are not kept.
+struct KeptDeck {
+  explicit KeptDeck(std::string its_text, Deck its_deck)
+      : text(std::move(its_text)), deck(std::move(its_deck)), residuals(deck) {}
+  std::string text;
+  Deck deck;
+  ResidualsAlong residuals;
+};
+std::unique_ptr<const KeptDeck> kept_deck;
+
+/// Residuals along a file of samples; both are plain 64-bit numbers in the machine's order.
+void write_residuals(const ResidualsAlong& along, const Job& job, Outcome& outcome) {
+  const std::string output = output_path(job, Task::residuals);
+  if (!output.empty()) check_output_directory(output);
+  if (!job.options.samples) throw BadRequest("residuals need option 'samples', the file of a motion");
+  const std::string bytes = read_whole_file(*job.options.samples, "file of samples");
+  if (bytes.size() % sizeof(double) != 0) {
+    throw BadRequest("'" + *job.options.samples + "' has " + std::to_string(bytes.size()) +
+                     " bytes; expected whole 64-bit numbers");
+  }
+  Eigen::VectorXd samples(static_cast<Eigen::Index>(bytes.size() / sizeof(double)));
+  if (!bytes.empty()) std::memcpy(samples.data(), bytes.data(), bytes.size());
+  Residuals found;
+  try {
+    found = along(samples, job.options.tangents);
+  } catch (const std::invalid_argument& error) {
+    throw BadRequest("'" + *job.options.samples + "': " + error.what());
+  }
+  outcome.counts = {{"unknowns", static_cast<long>(found.g.rows())}, {"samples", static_cast<long>(found.g.cols())}};
+  outcome.output = output;
+  if (output.empty()) return;
+  std::vector<double> numbers;  // a row per sample, then the matrices row by row
+  numbers.reserve(static_cast<std::size_t>(found.g.size() + 2 * found.mean_g_y.size()));
+  numbers.insert(numbers.end(), found.g.data(), found.g.data() + found.g.size());
+  for (const Eigen::MatrixXd* matrix : {&found.mean_g_y, &found.mean_g_ydot}) {
+    const Eigen::MatrixXd rows = matrix->transpose();
+    numbers.insert(numbers.end(), rows.data(), rows.data() + rows.size());
+  }
+  const char* const first = reinterpret_cast<const char*>(numbers.data());
+  write_file(output, std::span(first, numbers.size() * sizeof(double)));
+}
+
 /// Adds notes that are not there yet as warnings.
 void warn(const std::vector<std::string>& notes, const std::string& deck, Outcome& outcome) {
   for (const std::string& note : notes) {
@@ -280,7 +332,12 @@ void analyse(const Job& job, Task task, const std::string& text, const Deck& dec
 
 /// The work of run_job without its edge.
 void run(const Job& job, Outcome& outcome) {
-  const std::string text = job.text ? *job.text : read_text_file(job.deck);
+  const std::string text = job.text ? *job.text : read_whole_file(job.deck);
+  if (job.task == Task::residuals && kept_deck && kept_deck->text == text) {
+    outcome.analysis = analysis_name(job.task);
+    refuse_unused_options(job.task, job.options);
+    return write_residuals(kept_deck->residuals, job, outcome);
+  }
   ReadResult read = read_deck_text(text, job.deck);
   outcome.diagnostics = std::move(read.diagnostics);
   if (!read.deck) {
@@ -294,7 +351,7 @@ void run(const Job& job, Outcome& outcome) {
     }
     return;
   }
-  const Deck& deck = *read.deck;
+  Deck& deck = *read.deck;
   const Task task = job.task == Task::automatic ? task_of_deck(deck) : job.task;
   outcome.analysis = analysis_name(task);
   refuse_unused_options(task, job.options);
@@ -304,6 +361,14 @@ void run(const Job& job, Outcome& outcome) {
       outcome.dofs = linearise(deck, LineariseOptions{}).dofs;
       outcome.counts.emplace_back("unknowns", static_cast<long>(outcome.dofs.size()));
     }
+    return;
+  }
+  if (task == Task::residuals) {
+    kept_deck.reset();
+    const bool alone = deck.files.size() < 2 && text.find("file") == std::string::npos;
+    auto ready = std::make_unique<const KeptDeck>(text, std::move(deck));
+    write_residuals(ready->residuals, job, outcome);
+    if (alone && outcome.diagnostics.empty()) kept_deck = std::move(ready);
     return;
   }
   analyse(job, task, text, deck, outcome);

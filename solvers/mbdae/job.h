@@ -23,7 +23,8 @@ enum class Task {
   check,
   static_equilibrium,
   linearise,
-  integrate
+  integrate,
+  residuals
 };
 
 /// The options of the command line; the serve mode takes the same ones by the same names.
@@ -37,8 +38,10 @@ struct JobOptions {
   std::optional<double> final_time, time_step;  ///< [s]
   std::optional<int> every;                     ///< time steps between rows
   std::vector<std::string> channels;
-  bool layout = false;  ///< with check: list the unknowns
-  bool nodes = true;    ///< tell where the nodes are
+  std::optional<std::string> samples;  ///< file of the motion whose residuals are wanted
+  bool tangents = false;               ///< with residuals: their mean derivatives too
+  bool layout = false;                 ///< with check: list the unknowns
+  bool nodes = true;                   ///< tell where the nodes are
 
   /// Name of an option that only a time integration uses, or nullptr when none was given.
   const char* integration_option() const;
@@ -70,7 +73,7 @@ struct Outcome {
   Status status = Status::ok;
   std::string message;
   std::vector<Diagnostic> diagnostics;
-  std::string analysis;  ///< check, static, linearise or integrate
+  std::string analysis;  ///< check, static, linearise, integrate or residuals
   int iterations = 0;
   double residual_norm = 0.0;
   double seconds = 0.0;

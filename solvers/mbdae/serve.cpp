@@ -87,6 +87,11 @@ JobOptions read_options(const Json& given) {
     } else if (name == "channels") {
       if (!value.is_array()) throw BadRequest("option 'channels' must be a list of names");
       for (const Json& channel : value) options.channels.push_back(text_of("a name in option 'channels'", channel));
+    } else if (name == "samples") {
+      options.samples = text_of("option 'samples'", value);
+    } else if (name == "tangents") {
+      if (!value.is_boolean()) throw BadRequest("option 'tangents' must be true or false");
+      options.tangents = value.get<bool>();
     } else if (name == "layout") {
       if (!value.is_boolean()) throw BadRequest("option 'layout' must be true or false");
       options.layout = value.get<bool>();
@@ -96,7 +101,7 @@ JobOptions read_options(const Json& given) {
     } else {
       throw BadRequest("unknown option " + quote(name) +
                        "; known: c, state, tolerance, max_iterations, integrator, rtol, atol, final_time, time_step, "
-                       "every, channels, layout, nodes");
+                       "every, channels, samples, tangents, layout, nodes");
     }
   }
   return options;
@@ -109,7 +114,8 @@ Task task_of(const std::string& name) {
   if (name == "static") return Task::static_equilibrium;
   if (name == "linearise") return Task::linearise;
   if (name == "integrate") return Task::integrate;
-  throw BadRequest("unknown task " + quote(name) + "; known: check, static, linearise, integrate, version");
+  if (name == "residuals") return Task::residuals;
+  throw BadRequest("unknown task " + quote(name) + "; known: check, static, linearise, integrate, residuals, version");
 }
 
 Json parse(const std::string& request) {

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 
 from pilotgen.solver.client import SolverClient
+from pilotgen.solver.matrices import read_matrices
 
 # A point mass on a weightless string of length 2 m, as a body hinged at the origin; gravity 9.81 m/s^2 along -z.
 PENDULUM = """begin: data; problem: initial value; end: data;
@@ -292,6 +293,12 @@ def test_every_line_gets_one_reply_whatever_it_is(mbdae: Path, tmp_path: Path) -
         (b'{"task": "linearise", "text": "", "options": {"c": -1}}', "bad_request"),
         (b'{"task": "integrate", "text": "", "options": {"every": 1.5}}', "bad_request"),
         (b'{"task": "check", "text": "", "options": {"nodes": 1}}', "bad_request"),
+        (b'{"task": "check", "text": "", "options": {"tangents": 1}}', "bad_request"),
+        (b'{"task": "check", "text": "", "options": {"samples": 1}}', "bad_request"),
+        (json.dumps({"task": "residuals", "text": pendulum()}).encode(), "bad_request"),
+        (json.dumps({"task": "check", "text": pendulum(), "options": {"samples": "x"}}).encode(), "bad_request"),
+        (json.dumps({"task": "linearise", "text": pendulum(), "options": {"tangents": True}}).encode(), "bad_request"),
+        (json.dumps({"task": "residuals", "text": pendulum(), "options": {"samples": "/no/x"}}).encode(), "io_error"),
         (b'{"task": "check", "text": ""}', "deck_error"),
         (b'{"task": "check", "text": "begin: \\u0000 \\ud83d\\ude00 \\\\"}', "deck_error"),
         (b'{"task": "check", "deck": "/no/such/deck.mbd"}', "io_error"),
@@ -309,6 +316,42 @@ def test_every_line_gets_one_reply_whatever_it_is(mbdae: Path, tmp_path: Path) -
     assert replies[0]["id"] == 1
     assert replies[-2]["id"] == {"a": [1, "b"]}
     assert str(replies[-2]["message"]).startswith("mbdae ")
+
+
+def test_residuals_along_samples_of_a_file(mbdae: Path, tmp_path: Path) -> None:
+    samples, output, matrices = (str(tmp_path / name) for name in ("s.bin", "r.bin", "m.h5"))
+
+    def asked(text: str, numbers: np.ndarray, **options: object) -> dict[str, object]:
+        numbers.tofile(samples)
+        task = {"task": "residuals", "text": text, "output": output, "options": {"samples": samples, **options}}
+        first = {"task": "linearise", "text": text, "output": matrices}
+        replies = serve(mbdae, b"\n".join(json.dumps(one).encode() for one in (first, task, task)))
+        assert replies[1] | {"seconds": 0.0} == replies[2] | {"seconds": 0.0}  # read, then kept
+        return replies[1]
+
+    linear = None
+    for text in (pendulum(), pendulum().replace("9.81", "9.0")):
+        reply = asked(text, np.zeros(2), tangents=True)
+        assert reply["status"] == "bad_request" and "'" + samples in str(reply["message"])
+        n = int(str(reply["message"]).split("rows of 2 x ")[1].split(",")[0])
+        reply = asked(text, np.zeros((3, 2 * n)), tangents=True)
+        assert reply["status"] == "ok", reply
+        assert reply["analysis"] == "residuals" and reply["counts"] == {"unknowns": n, "samples": 3}
+        linear = read_matrices(Path(matrices))
+        numbers = np.fromfile(output)
+        assert np.abs(numbers[: 3 * n]).max() < 1e-12
+        g_y, g_ydot = numbers[3 * n :].reshape(2, n, n)
+        assert np.abs(g_ydot + linear.c * g_y - linear.J_plus).max() < 1e-12
+        assert np.abs(g_ydot - linear.c * g_y - linear.J_minus).max() < 1e-12
+        asked(text, np.zeros((1, 2 * n)))
+        assert len(np.fromfile(output)) == n
+    moving = np.zeros((2, 2 * n))
+    moving[1, n + 1] = np.nan
+    message = str(asked(text, moving)["message"])
+    assert "no finite rate in sample 2 of 2" in message and linear is not None and linear.dof_names[1] in message
+    Path(samples).write_bytes(b"123")
+    task = {"task": "residuals", "text": text, "options": {"samples": samples}}
+    assert "3 bytes" in str(serve(mbdae, json.dumps(task).encode())[0]["message"])
 
 
 def test_a_line_too_long_is_refused_and_the_next_one_served(mbdae: Path) -> None:

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -64,6 +65,30 @@ LinearisedModel solve_static(const Deck& deck, const StaticOptions& options);
 
 /// The deck's state with consistent momenta, accelerations and reactions, linearised.
 LinearisedModel linearise(const Deck& deck, const LineariseOptions& options);
+
+/// What is left of the equations along a motion that somebody proposes.
+struct Residuals {
+  Eigen::MatrixXd g;                      ///< one column per sample
+  Eigen::MatrixXd mean_g_y, mean_g_ydot;  ///< derivatives, averages over the samples; empty unless asked for
+};
+
+/// A deck made ready for residuals along many motions near the state that `linearise` takes, at the deck's initial
+/// time. Throws ModelError on a static deck and on elements that remember (stuck, sliding). The deck must outlive it.
+class ResidualsAlong {
+ public:
+  explicit ResidualsAlong(const Deck& deck);
+  ~ResidualsAlong();
+
+  /// `samples` has rows of 2 n numbers one after the other: the unknowns less those of that state (rotations:
+  /// Cayley-Gibbs-Rodrigues parameters from its orientations), then their rates less its rates, both in the order of
+  /// files. Throws std::invalid_argument on samples of another size or not finite, NotConverged where a residual is not
+  /// finite.
+  Residuals operator()(const Eigen::VectorXd& samples, bool tangents) const;
+
+ private:
+  struct Prepared;
+  std::unique_ptr<const Prepared> prepared_;
+};
 
 /// The deck linearised at every time of its eigenanalysis card: at the initial state, the others on the way by the
 /// deck's integration method (IDA where there is none here). Times in one step give one model; times beyond the end

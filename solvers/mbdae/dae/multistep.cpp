@@ -32,13 +32,6 @@ constexpr double kSameStep = 1e-9;  // relative difference of step lengths that 
 // Changes between stuck and sliding that one time step may hold; what more is asked for comes in the next one.
 constexpr int kMostSwitches = 8;
 
-// Derivative of G(g) gdot with respect to g.
-Mat3 cayley_rate_derivative(const Vec3& g, const Vec3& gdot) {
-  const double scale = 4.0 / (4.0 + g.squaredNorm());
-  const Vec3 w = cayley_tangent(g) * gdot;
-  return (-0.5 * scale) * (w * g.transpose() + skew(gdot));
-}
-
 // What the formula needs of an instant: rotations are kept as matrices and enter as increments from the latest one.
 struct Instant {
   State state;

@@ -153,6 +153,12 @@ Matrix3d cayley_tangent(const Vector3d& g) {
   return G;
 }
 
+Eigen::Matrix3d cayley_rate_derivative(const Eigen::Vector3d& g, const Eigen::Vector3d& gdot) {
+  const double scale = 4.0 / (4.0 + g.squaredNorm());
+  const Eigen::Vector3d w = cayley_tangent(g) * gdot;
+  return (-0.5 * scale) * (w * g.transpose() + skew(gdot));
+}
+
 Vector3d cayley_parameters(const Matrix3d& R) {
   const Vector4d q = quaternion_of(R);
   return (2.0 / q(0)) * q.tail<3>();

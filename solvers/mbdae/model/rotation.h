@@ -49,6 +49,9 @@ Eigen::Matrix3d cayley_rotation(const Eigen::Vector3d& g);
 /// G(g) of Cayley-Gibbs-Rodrigues parameters: angular velocity = G(g) gdot, dR = (G(g) dg) x R.
 Eigen::Matrix3d cayley_tangent(const Eigen::Vector3d& g);
 
+/// Derivative of G(g) gdot with respect to g.
+Eigen::Matrix3d cayley_rate_derivative(const Eigen::Vector3d& g, const Eigen::Vector3d& gdot);
+
 /// Parameters g of the rotation matrix R; the angle must be below pi.
 Eigen::Vector3d cayley_parameters(const Eigen::Matrix3d& R);
 

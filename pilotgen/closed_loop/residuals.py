@@ -1,0 +1,58 @@
+"""The nonlinear deck along a motion that somebody proposes: what is left of its equations.
+
+SPDX-License-Identifier: BSD-3-Clause
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pilotgen.errors import EvaluationError
+from pilotgen.evaluation import EvaluationContext
+from pilotgen.solver.descriptor import Floats
+
+SAMPLES, RESIDUALS = "samples.bin", "residuals.bin"
+DECK = "swing.mbd"
+
+
+class DeckResiduals:
+    """Residuals of one deck, asked of the solver (task `residuals`, docs/io_formats/serve.md).
+
+    Parameters
+    ----------
+    context : EvaluationContext
+        Whose solver works; it must live as long as this is used.
+    text : str
+        The deck.
+    unknowns : int
+        Of the deck, n.
+    """
+
+    def __init__(self, context: EvaluationContext, text: str, unknowns: int) -> None:
+        self.context, self.text, self.unknowns = context, text, unknowns
+
+    def along(self, y: Floats, ydot: Floats) -> Floats:
+        """Residuals at every sample, shape (samples, n); `y`, `ydot` of the same shape, less those of the posture.
+
+        Raises
+        ------
+        EvaluationError
+            The equations have no finite value there, or the solver fails.
+        """
+        return self._asked(y, ydot, 0).reshape(y.shape)
+
+    def with_tangents(self, y: Floats, ydot: Floats) -> tuple[Floats, Floats, Floats]:
+        """The same, and the averages of their derivatives by y and by ydot, shape (n, n) each."""
+        n = self.unknowns
+        numbers = self._asked(y, ydot, 2 * n * n)
+        g_y, g_ydot = numbers[y.size :].reshape(2, n, n)
+        return numbers[: y.size].reshape(y.shape), g_y, g_ydot
+
+    def _asked(self, y: Floats, ydot: Floats, more: int) -> Floats:
+        there = f"{self.context.scratch}/{SAMPLES}", f"{self.context.scratch}/{RESIDUALS}"
+        np.concatenate((y, ydot), axis=1).tofile(there[0])
+        self.context.ask("residuals", self.text, DECK, there[1], samples=there[0], tangents=more > 0)
+        numbers = np.fromfile(there[1])
+        if len(numbers) != y.size + more:
+            raise EvaluationError("harmonic balance", "the solver left residuals of another size than was asked for")
+        return numbers
