@@ -41,9 +41,9 @@ LEAST_WEIGHT, AT_REST = 1e-6, 1e-8  # what moves less is round-off
 SLOWEST_RAD_S, FASTEST_RAD_S = 1.0, 200.0  # of a swing
 FAR_BEYOND = 10.0  # of presliding; swings whose slopes are those of Coulomb's law
 BESIDE = 1.5  # how far beyond the two swings around it in a sweep a cycle may be
-FIRST_AMPLITUDE_M = 0.02
+FIRST_AMPLITUDE_M, FIRST_M_PER_N = 0.02, 0.002  # of the swing that is found first, at least; by breakout force
 HALVINGS = 4  # of a step of a sweep
-DECAYED = -25.0  # rad/s; a swing that dies faster is not followed further
+DECAYED = -6.0  # rad/s; a swing that dies faster is not followed further
 
 
 class HarmonicBalance:
@@ -356,11 +356,12 @@ class HarmonicBalance:
     def sweep(self, amplitudes_m: Floats) -> tuple[list[Swing], str]:
         """Swings of many amplitudes, from `first` up and down, and what could not be followed (empty: nothing).
 
-        Those that die at once, or on a stop, end it. `amplitudes_m` has shape (n,), rising. EvaluationError if there is
-        no first one.
+        Those that die at once, or between the stops, end it. `amplitudes_m` has shape (n,), rising. EvaluationError if
+        there is no first one.
         """
-        near = int(np.argmin(np.abs(np.log(amplitudes_m / FIRST_AMPLITUDE_M))))
-        start = self.first(float(amplitudes_m[near]))
+        near, start = self._somewhere(amplitudes_m)
+        stops = self.model.stops
+        between_stops = math.inf if stops is None else 0.5 * (stops.high_m - stops.low_m)
         found, lost = {float(amplitudes_m[near]): start}, ""
         for way, beyond in ((amplitudes_m[near + 1 :], "above"), (amplitudes_m[:near][::-1], "below")):
             passed = [start]
@@ -372,9 +373,21 @@ class HarmonicBalance:
                     break
                 found[amplitude] = passed[-1]
                 growth = passed[-1].growth_rad_s
-                if growth < DECAYED or (growth < 0.0 and beyond == "above" and self.touches_stop(passed[-1])):
+                if growth < DECAYED or (growth < 0.0 and amplitude > between_stops):
                     break
         return [found[a] for a in sorted(found)], lost
+
+    def _somewhere(self, amplitudes_m: Floats) -> tuple[int, Swing]:
+        """A first swing at one of some amplitudes and its place; a larger one where friction hides it."""
+        force = 0.0 if self.friction is None else self.friction.breakout_n
+        near = int(np.argmin(np.abs(np.log(amplitudes_m / max(FIRST_AMPLITUDE_M, FIRST_M_PER_N * force)))))
+        while True:
+            try:
+                return near, self.first(float(amplitudes_m[near]))
+            except EvaluationError:
+                near += 1
+                if near == len(amplitudes_m):
+                    raise
 
     def _follow(self, passed: list[Swing], amplitude_m: float) -> None:
         """Add the swing of an amplitude to those passed on the way to it, with others in between where it needs them.

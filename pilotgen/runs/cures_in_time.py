@@ -80,7 +80,8 @@ def kicks_told(found: Mapping[str, Any]) -> str | None:
 def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions) -> dict[str, Any] | None:
     """Smallest swing of the grip that grows [mm] by so much more friction [N], of a pilot whose loop is unstable.
 
-    By the harmonic balance over the nonlinear deck. 0: every small swing grows; None for a swing: every one within the stops dies; None for all: no deck holds this loop, or no swing was balanced.
+    By the harmonic balance over the nonlinear deck. 0: every small swing grows; None for a swing: every one within the
+    stops dies; None for all: no deck holds this loop, or no swing was balanced.
     """
     from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
     from pilotgen.closed_loop.limit_cycles import onset_map
