@@ -40,9 +40,9 @@ LARGEST_CHANGE, SHORTEST = 0.3, 0.02  # of a step, relative; shares of a step
 LEAST_WEIGHT, AT_REST = 1e-6, 1e-8  # what moves less is round-off
 SLOWEST_RAD_S, FASTEST_RAD_S = 1.0, 200.0  # of a swing
 FAR_BEYOND = 10.0  # of presliding; swings whose slopes are those of Coulomb's law
-BESIDE = 1.5  # how far beyond the two swings around it in a sweep a cycle may be
+BESIDE = 1.15  # how far beyond the two swings around it in a sweep a cycle may be
 FIRST_AMPLITUDE_M, FIRST_M_PER_N = 0.02, 0.002  # of the swing that is found first, at least; by breakout force
-HALVINGS = 4  # of a step of a sweep
+HALVINGS = 2  # of a step of a sweep
 DECAYED = -6.0  # rad/s; a swing that dies faster is not followed further
 
 
@@ -359,35 +359,44 @@ class HarmonicBalance:
         Those that die at once, or between the stops, end it. `amplitudes_m` has shape (n,), rising. EvaluationError if
         there is no first one.
         """
-        near, start = self._somewhere(amplitudes_m)
         stops = self.model.stops
         between_stops = math.inf if stops is None else 0.5 * (stops.high_m - stops.low_m)
+        near, start = self._somewhere(amplitudes_m, 0.7 * between_stops)
         found, lost = {float(amplitudes_m[near]): start}, ""
         for way, beyond in ((amplitudes_m[near + 1 :], "above"), (amplitudes_m[:near][::-1], "below")):
-            passed = [start]
+            passed, balance = [start], self
             for amplitude in way.tolist():
+                if amplitude > between_stops and balance.K > 1:
+                    balance = self.with_harmonics(1)  # both stops are hard to follow
                 try:
-                    self._follow(passed, amplitude)
+                    try:
+                        balance._follow(passed, amplitude)
+                    except EvaluationError:
+                        if balance.K == 1:
+                            raise
+                        balance = self.with_harmonics(1)
+                        balance._follow(passed, amplitude)
                 except EvaluationError as error:
                     lost = f"swings {beyond} {1e3 * passed[-1].amplitude_m:.3g} mm were not followed: {error.reason}"
                     break
                 found[amplitude] = passed[-1]
                 growth = passed[-1].growth_rad_s
-                if growth < DECAYED or (growth < 0.0 and amplitude > between_stops):
+                if growth < DECAYED or (growth < 0.0 and beyond == "above" and amplitude > between_stops):
                     break
         return [found[a] for a in sorted(found)], lost
 
-    def _somewhere(self, amplitudes_m: Floats) -> tuple[int, Swing]:
+    def _somewhere(self, amplitudes_m: Floats, most_m: float) -> tuple[int, Swing]:
         """A first swing at one of some amplitudes and its place; a larger one where friction hides it."""
         force = 0.0 if self.friction is None else self.friction.breakout_n
-        near = int(np.argmin(np.abs(np.log(amplitudes_m / max(FIRST_AMPLITUDE_M, FIRST_M_PER_N * force)))))
-        while True:
-            try:
-                return near, self.first(float(amplitudes_m[near]))
-            except EvaluationError:
-                near += 1
-                if near == len(amplitudes_m):
-                    raise
+        wanted = max(FIRST_AMPLITUDE_M, min(FIRST_M_PER_N * force, most_m))
+        near = int(np.argmin(np.abs(np.log(amplitudes_m / wanted))))
+        for place in range(near, len(amplitudes_m)):
+            for balance in {self.K: self, 1: self.with_harmonics(1)}.values():
+                try:
+                    return place, balance.first(float(amplitudes_m[place]))
+                except EvaluationError as error:
+                    trouble = error
+        raise trouble
 
     def _follow(self, passed: list[Swing], amplitude_m: float) -> None:
         """Add the swing of an amplitude to those passed on the way to it, with others in between where it needs them.
@@ -416,7 +425,7 @@ class HarmonicBalance:
     def _predicted(self, passed: list[Swing], amplitude_m: float) -> Swing:
         """A swing of an amplitude by the line through the last two."""
         last = passed[-1]
-        if len(passed) < 2:
+        if len(passed) < 2 or passed[-2].harmonics != last.harmonics:
             return last
         before = passed[-2]
         a, b = self._grip(before), self._grip(last)
@@ -433,23 +442,28 @@ class HarmonicBalance:
         Where all harmonics at once do not converge from one, other ways are tried; what then is reached is told.
         """
         stable = low.growth_rad_s > high.growth_rad_s
-        start = low if abs(low.growth_rad_s) < abs(high.growth_rad_s) else high
-        within = low.amplitude_m / BESIDE, high.amplitude_m * BESIDE
+        share = low.growth_rad_s / (low.growth_rad_s - high.growth_rad_s)
+        start = low if share < 0.5 else high
+        if low.harmonics == high.harmonics:
+            Y = np.asarray((1.0 - share) * low.unknowns + share * high.unknowns)
+            start = self.with_harmonics(low.harmonics)._swing(Y, (1.0 - share) * low.pole + share * high.pole, 0)
+        within = low.swing_m / BESIDE, high.swing_m * BESIDE
 
         def of(harmonics: int, start: Swing) -> Swing:
             found = (self if harmonics == self.K else self.with_harmonics(harmonics)).solve(start, None)
-            if not within[0] < found.amplitude_m < within[1]:
-                size = 1e3 * found.amplitude_m
+            if not within[0] < found.swing_m < within[1]:
+                size = 1e3 * found.swing_m
                 raise EvaluationError("harmonic balance", f"another cycle was found, of {size:.3g} mm")
             return found
 
         best, trouble, told = start, "", "not refined, this is the nearest swing of the sweep"
-        for way in ((1, self.K), (self.K,), (3, self.K), (5, self.K), (self.K + 4,)):
+        first = [(1, self.K), (self.K,)] if self.touches_stop(start) else [(self.K,), (1, self.K)]
+        for way in (*first, (3, self.K), (5, self.K), (self.K + 4,)):
             swing = start if way == (self.K,) else best
             try:
                 for harmonics in way:
                     swing = of(harmonics, swing)
-                    if best is start:
+                    if best is start and harmonics == 1:
                         best, told = swing, "refined with one harmonic only"
                 return LimitCycle(swing, stable)
             except EvaluationError as error:

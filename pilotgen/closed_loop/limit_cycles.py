@@ -26,7 +26,9 @@ from pilotgen.solver.descriptor import Complexes, Floats
 AMPLITUDES = 10  # of a sweep, below the stops
 SMALLEST_M = 1e-3
 AT_STOPS = (0.8, 0.88, 0.96, 1.0, 1.02, 1.04, 1.06, 1.08, 1.12)  # amplitudes over half the travel between the stops
+SWEEP_HARMONICS = 2  # clipped muscles have a second one, which moves growth
 HARMONICS = 9  # of limit cycles
+MAP_HARMONICS = 3
 MAP_BISECTIONS = 4  # of a kick in a map: its size is known to 4 %
 NYQUIST_HZ = (1.5, 8.0, 70)
 
@@ -67,14 +69,14 @@ class Balanced:
 def balanced(
     model: SwingModel, friction: Friction | None, harmonics: int = HARMONICS, amplitudes: int = AMPLITUDES
 ) -> Balanced:
-    """Growth by amplitude (one harmonic) and limit cycles of a loop with some friction.
+    """Growth by amplitude and limit cycles of a loop with some friction.
 
     Raises
     ------
     EvaluationError
         No swing could be balanced.
     """
-    balance = HarmonicBalance(model, friction, 1)
+    balance = HarmonicBalance(model, friction, SWEEP_HARMONICS)
     low, high = model.loop.travel_to_stops_m()
     at_stops = 0.5 * (high - low) * np.array(AT_STOPS)
     swings, lost = balance.sweep(np.concatenate((np.geomspace(SMALLEST_M, 0.85 * at_stops[0], amplitudes), at_stops)))
@@ -186,14 +188,14 @@ def onset_map(
     for i, gearing in enumerate(gearings_rad_per_m):
         geared = with_gearing(loop, gearing)
         model = SwingModel(context, geared)
-        bare = balanced(model, None, harmonics=1)
+        bare = balanced(model, None, MAP_HARMONICS)
         for j, force in enumerate(frictions_n):
             with_friction = None if force == 0.0 else scaled(friction, force)
-            cell = bare if with_friction is None else balanced(model, with_friction, harmonics=1)
-            if cell.onset is not None:
-                found[i, j] = 1e3 * cell.onset.swing.amplitude_m
-            elif cell.swings[0].growth_rad_s > 0.0:
+            cell = bare if with_friction is None else balanced(model, with_friction, MAP_HARMONICS)
+            if cell.swings[0].growth_rad_s > 0.0:
                 found[i, j] = kick[i, j] = 0.0
+            elif cell.onset is not None:
+                found[i, j] = 1e3 * cell.onset.swing.amplitude_m
             if kicks and 0.0 < found[i, j] < math.inf:
                 between = threshold(context, geared, with_friction, steps=MAP_BISECTIONS)
                 kick[i, j] = math.inf if between is None else between.size_n

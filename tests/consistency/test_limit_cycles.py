@@ -156,7 +156,7 @@ def test_what_cannot_be_refined_or_followed_is_told(model: SwingModel, monkeypat
     solve = HarmonicBalance.solve
 
     def with_one_only(self: HarmonicBalance, start: Swing, amplitude_m: float | None, *rest: float) -> Swing:
-        if self.K > 1 or (amplitude_m is not None and amplitude_m > 0.05):
+        if self.K > 2 or (amplitude_m is not None and amplitude_m > 0.05):
             raise EvaluationError("harmonic balance", "it goes astray")
         return solve(self, start, amplitude_m, *rest)
 
