@@ -62,6 +62,7 @@ struct ResidualsAlong::Prepared {
     refuse_memory(model);
     std::vector<std::string> notes;
     reference = consistent_state(model, notes);
+    model.follow_free_rotations(true);  // no reference that follows the motion: samples have no order
     const Eigen::VectorXd accelerations = solve_accelerations(model, reference);
     linearise_at_state(model, reference, deck_coefficient(deck), "residuals", accelerations);  // sets its rates
     for (int k = 0; order.size() < static_cast<std::size_t>(model.size()); ++k) order.push_back(k);
