@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.linalg
@@ -40,6 +40,8 @@ LARGEST_CHANGE, SHORTEST = 0.3, 0.02  # of a step, relative; shares of a step
 LEAST_WEIGHT, AT_REST = 1e-6, 1e-8  # what moves less is round-off
 SLOWEST_RAD_S, FASTEST_RAD_S = 1.0, 200.0  # of a swing
 FAR_BEYOND = 10.0  # of presliding; swings whose slopes are those of Coulomb's law
+SAME, LARGER = 0.01, 1.01  # relative difference of cycles that are one; of swings that tell what a cycle does
+FIRST_STEP, LONGEST_STEP, SECANT_STEPS, HARDLY = 0.02, 0.06, 12, 0.01  # in the logarithm of amplitudes; rad/s of growth
 BESIDE = 1.15  # how far beyond the two swings around it in a sweep a cycle may be
 FIRST_AMPLITUDE_M, FIRST_M_PER_N = 0.02, 0.002  # of the swing that is found first, at least; by breakout force
 HALVINGS = 2  # of a step of a sweep
@@ -69,8 +71,6 @@ class HarmonicBalance:
     def with_harmonics(self, harmonics: int) -> HarmonicBalance:
         """The same with another number of harmonics."""
         return HarmonicBalance(self.model, self.friction, harmonics)
-
-    # ---- residual
 
     def exponents(self, s: complex) -> Complexes:
         """Rates of the harmonics over themselves [rad/s], shape (K + 1,)."""
@@ -106,7 +106,7 @@ class HarmonicBalance:
         return self._fine.harmonics(friction_force(friction, velocity, 2.0 * math.pi / s.imag))
 
     def element_forces(self, Y: Complexes, s: complex) -> Complexes:
-        """Harmonics of the forces of friction and muscles beyond what the linear deck has, (channels, K + 1) [N]."""
+        """Harmonics of what friction and muscles have beyond the linear deck [N], shape (channels, K + 1)."""
         exponents = self.exponents(s)
         motions = self.model.C @ Y
         stretch, rate = self._deck.in_time(motions[1:]), self._deck.in_time(motions[1:] * exponents)
@@ -115,8 +115,6 @@ class HarmonicBalance:
         if self.friction is not None:
             out[0] = self._friction(Y[self.model.lever], Y[self.model.lever] * exponents, s, self.friction)
         return out
-
-    # ---- slopes of the elements
 
     def _slopes(self, Y: Complexes, s: complex) -> Complexes:
         """Harmonics of every channel's force by the parts of its own motion, (channels, K + 1, 2 K + 1).
@@ -335,8 +333,6 @@ class HarmonicBalance:
 
         return step, R
 
-    # ---- a first swing, all of them, those that stay
-
     def first(self, amplitude_m: float = FIRST_AMPLITUDE_M) -> Swing:
         """A swing of the loop's least damped oscillation between 1 and 10 Hz that moves the grip.
 
@@ -436,8 +432,8 @@ class HarmonicBalance:
         s = last.pole + share * (last.pole - before.pole)
         return dataclasses.replace(last, growth_rad_s=s.real, omega_rad_s=s.imag, unknowns=Y * amplitude_m)
 
-    def limit_cycle(self, low: Swing, high: Swing) -> LimitCycle:
-        """The cycle between two swings of a sweep, of which one grows and one dies.
+    def limit_cycle(self, low: Swing, high: Swing, others: Sequence[LimitCycle] = ()) -> LimitCycle:
+        """The cycle between two swings of a sweep, of which one grows and one dies; none of those found before.
 
         Where all harmonics at once do not converge from one, other ways are tried; what then is reached is told.
         """
@@ -454,6 +450,11 @@ class HarmonicBalance:
             if not within[0] < found.swing_m < within[1]:
                 size = 1e3 * found.swing_m
                 raise EvaluationError("harmonic balance", f"another cycle was found, of {size:.3g} mm")
+            if any(abs(found.swing_m / other.swing.swing_m - 1.0) < SAME for other in others):
+                raise EvaluationError("harmonic balance", "the cycle before this one was found again")
+            if harmonics == self.K and not self.touches_stop(found) and self._attracts(found) is not stable:
+                size = 1e3 * found.swing_m
+                raise EvaluationError("harmonic balance", f"a cycle of the other kind was found, of {size:.3g} mm")
             return found
 
         best, trouble, told = start, "", "not refined, this is the nearest swing of the sweep"
@@ -468,4 +469,31 @@ class HarmonicBalance:
                 return LimitCycle(swing, stable)
             except EvaluationError as error:
                 trouble = error.reason
-        return LimitCycle(best, stable, f"{told}: {trouble}")
+        try:
+            return LimitCycle(of(self.K, self._nearly_steady(low, high)), stable)
+        except EvaluationError:
+            return LimitCycle(best, stable, f"{told}: {trouble}")
+
+    def _attracts(self, cycle: Swing) -> bool:
+        """Whether a swing a little larger than a cycle dies. EvaluationError if it is not found."""
+        return self.solve(cycle, LARGER * self._grip(cycle)).growth_rad_s < 0.0
+
+    def _nearly_steady(self, low: Swing, high: Swing) -> Swing:
+        """By the growth of swings with all harmonics, of amplitudes about two of a sweep, one that hardly grows.
+
+        EvaluationError if a swing on the way is not found.
+        """
+        size = math.log(self._grip(high))
+        least, most = math.log(self._grip(low) / BESIDE), size + math.log(BESIDE)
+        now = self.solve(high, math.exp(size), ROUGH)
+        smaller = (now.growth_rad_s < 0.0) == (high.growth_rad_s < low.growth_rad_s)
+        step = -FIRST_STEP if smaller else FIRST_STEP
+        for _ in range(SECANT_STEPS):
+            before, last = now, size
+            size = min(max(size + step, least), most)
+            now = self.solve(before, math.exp(size), ROUGH)
+            if abs(now.growth_rad_s) < HARDLY or size == last:
+                break
+            slope = (now.growth_rad_s - before.growth_rad_s) / (size - last)
+            step = min(max(-now.growth_rad_s / slope, -LONGEST_STEP), LONGEST_STEP) if slope else FIRST_STEP
+        return now

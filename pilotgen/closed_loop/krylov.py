@@ -9,6 +9,8 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+import scipy.sparse.linalg
+from scipy.sparse.linalg import LinearOperator
 
 from pilotgen.solver.descriptor import Floats
 
@@ -16,7 +18,7 @@ DIRECTIONS, RESIDUE = 25, 0.02  # of GMRES, at most; what may be left of the rig
 
 
 def broyden(step: Floats, steps: list[Floats], weights: Floats) -> Floats:
-    """The next step of Broyden's method by those before (Kelley 1995, 7.3), lengths weighted."""
+    """The next step of Broyden's method by those before (Kelley 1995, 7.3), lengths weighted; all of shape (m,)."""
     w = weights * weights
     for before, after in pairwise(steps):
         step = step + after * (before * w @ step) / (before * w @ before)
@@ -26,20 +28,10 @@ def broyden(step: Floats, steps: list[Floats], weights: Floats) -> Floats:
 
 
 def gmres(product: Callable[[Floats], Floats], right: Floats) -> Floats:
-    """x with product(x) = right but for `RESIDUE` of it (Saad & Schultz 1986)."""
-    size = float(np.linalg.norm(right))
-    basis = [right / size]
-    H = np.zeros((DIRECTIONS + 1, DIRECTIONS))
-    for j in range(DIRECTIONS):
-        new = product(basis[j])
-        for i, one in enumerate(basis):
-            H[i, j] = one @ new
-            new = new - H[i, j] * one
-        H[j + 1, j] = np.linalg.norm(new)
-        basis.append(new / max(H[j + 1, j], 1e-300))
-        wanted = np.zeros(j + 2)
-        wanted[0] = size
-        x = np.linalg.lstsq(H[: j + 2, : j + 1], wanted, rcond=None)[0]
-        if np.linalg.norm(H[: j + 2, : j + 1] @ x - wanted) < RESIDUE * size:
-            break
-    return np.asarray(sum(a * one for a, one in zip(x, basis, strict=False)))
+    """x with product(x) = right but for `RESIDUE` of it, or the best of `DIRECTIONS` directions; both shape (m,).
+
+    Saad & Schultz 1986, by SciPy.
+    """
+    operator = LinearOperator((right.size, right.size), matvec=product, dtype=float)
+    x, _ = scipy.sparse.linalg.gmres(operator, right, rtol=RESIDUE, restart=DIRECTIONS, maxiter=1)
+    return np.asarray(x)

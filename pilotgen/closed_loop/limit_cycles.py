@@ -81,11 +81,10 @@ def balanced(
     at_stops = 0.5 * (high - low) * np.array(AT_STOPS)
     swings, lost = balance.sweep(np.concatenate((np.geomspace(SMALLEST_M, 0.85 * at_stops[0], amplitudes), at_stops)))
     fine = balance.with_harmonics(harmonics)
-    cycles = [
-        fine.limit_cycle(one, other)
-        for one, other in pairwise(swings)
-        if one.growth_rad_s * other.growth_rad_s < 0.0 or other.growth_rad_s == 0.0
-    ]
+    cycles: list[LimitCycle] = []
+    for one, other in pairwise(swings):
+        if one.growth_rad_s * other.growth_rad_s < 0.0 or other.growth_rad_s == 0.0:
+            cycles.append(fine.limit_cycle(one, other, cycles))
     return Balanced(model.loop, friction, balance, swings, cycles, lost)
 
 

@@ -86,20 +86,21 @@ class Basis:
         self._back[:, 0] *= 0.5
 
     def in_time(self, Y: Complexes) -> Floats:
-        """(..., K + 1) -> (..., samples)."""
+        """Samples of harmonics: shape (..., K + 1) -> (..., samples)."""
         return np.asarray(Y.real @ self._cos - Y.imag @ self._sin)
 
     def harmonics(self, y: Floats) -> Complexes:
-        """(..., samples) -> (..., K + 1)."""
+        """Harmonics of samples: shape (..., samples) -> (..., K + 1)."""
         return np.asarray(y @ self._back)
 
 
 def reals(Z: Complexes) -> Floats:
-    """(rows, K + 1) complex -> (rows, 2 K + 1): mean, then real and imaginary parts."""
+    """Mean, then real and imaginary parts: shape (rows, K + 1) -> (rows, 2 K + 1)."""
     out = np.empty((len(Z), 2 * Z.shape[1] - 1))
     out[:, 0], out[:, 1::2], out[:, 2::2] = Z[:, 0].real, Z[:, 1:].real, Z[:, 1:].imag
     return out
 
 
 def complexes(X: Floats) -> Complexes:
+    """The inverse of `reals`: shape (rows, 2 K + 1) -> (rows, K + 1)."""
     return np.concatenate((X[:, :1] + 0j, X[:, 1::2] + 1j * X[:, 2::2]), axis=1)
