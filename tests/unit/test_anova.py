@@ -113,4 +113,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert table["inceptor.gearing_rad_per_m"]["sum_of_squares"] == pytest.approx(9 * 3 * gearing.var(), rel=1e-9)
     assert table["pilot_damping x inceptor.gearing_rad_per_m"]["sum_of_squares"] == pytest.approx(0.0, abs=1e-9)
     assert math.isclose(sum(row["degrees_of_freedom"] for row in table.values() if row["source"] != "total"), 26)
-    assert main([*ask, str(tmp_path / "c"), "--method", "morris"]) == 0  # the last one counts
+    with pytest.raises(SystemExit):  # two methods
+        main([*ask, str(tmp_path / "c"), "--method", "morris"])
+    assert "not allowed with argument" in capsys.readouterr().err and not (tmp_path / "c").exists()
