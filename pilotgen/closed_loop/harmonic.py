@@ -352,8 +352,8 @@ class HarmonicBalance:
     def sweep(self, amplitudes_m: Floats) -> tuple[list[Swing], str]:
         """Swings of many amplitudes, from `first` up and down, and what could not be followed (empty: nothing).
 
-        Those that die at once, or between the stops, end it. `amplitudes_m` has shape (n,), rising. EvaluationError if
-        there is no first one.
+        Those that die at once end it; a cycle may lie beyond others that die. `amplitudes_m` has shape (n,), rising.
+        EvaluationError if there is no first one.
         """
         stops = self.model.stops
         between_stops = math.inf if stops is None else 0.5 * (stops.high_m - stops.low_m)
@@ -376,8 +376,7 @@ class HarmonicBalance:
                     lost = f"swings {beyond} {1e3 * passed[-1].amplitude_m:.3g} mm were not followed: {error.reason}"
                     break
                 found[amplitude] = passed[-1]
-                growth = passed[-1].growth_rad_s
-                if growth < DECAYED or (growth < 0.0 and beyond == "above" and amplitude > between_stops):
+                if passed[-1].growth_rad_s < DECAYED:
                     break
         return [found[a] for a in sorted(found)], lost
 
