@@ -148,7 +148,7 @@ class EvaluationContext:
         FileError
             Nothing can be written where the solver works: the machine's fault, not the pilot's.
         """
-        self._put(name, text)
+        self.put(name, text)
         for attempt in range(1, SOLVER_ATTEMPTS + 1):
             try:
                 reply = self.client.request(
@@ -167,8 +167,9 @@ class EvaluationContext:
         self.solver_seconds += reply.seconds
         return reply
 
-    def _put(self, name: str, text: str) -> None:
-        data = memoryview(text.encode())
+    def put(self, name: str, content: str | bytes) -> None:
+        """Put a file where the solver works; FileError if it cannot be written there."""
+        data = memoryview(content.encode() if isinstance(content, str) else content)
         self._put_last = name, len(data)
         try:  # by system calls: a file object costs more than the writing
             file = os.open(f"{self.scratch}/{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
@@ -186,7 +187,7 @@ class EvaluationContext:
     def put_modes(self, torso: SeatedTorso | None) -> None:
         """Put the file with a torso's modes, if it has any, where the decks go that read it."""
         if torso is not None and torso.modes is not None:
-            self._put(FEM_NAME, torso.modes.fem)
+            self.put(FEM_NAME, torso.modes.fem)
 
     def check_scratch(self) -> None:
         """Raise FileError if the scratch directory, and no pilot, is why something failed."""

@@ -38,21 +38,32 @@ class DeckResiduals:
         ------
         EvaluationError
             The equations have no finite value there, or the solver fails.
+        FileError
+            Nothing can be written where the solver works.
         """
         return self._asked(y, ydot, 0).reshape(y.shape)
 
     def with_tangents(self, y: Floats, ydot: Floats) -> tuple[Floats, Floats, Floats]:
-        """The same, and the averages of their derivatives by y and by ydot, shape (n, n) each."""
+        """The same, and the averages of their derivatives by y and by ydot, shape (n, n) each.
+
+        Raises
+        ------
+        EvaluationError
+            As `along`.
+        """
         n = self.unknowns
         numbers = self._asked(y, ydot, 2 * n * n)
         g_y, g_ydot = numbers[y.size :].reshape(2, n, n)
         return numbers[: y.size].reshape(y.shape), g_y, g_ydot
 
     def _asked(self, y: Floats, ydot: Floats, more: int) -> Floats:
-        there = f"{self.context.scratch}/{SAMPLES}", f"{self.context.scratch}/{RESIDUALS}"
-        np.concatenate((y, ydot), axis=1).tofile(there[0])
-        self.context.ask("residuals", self.text, DECK, there[1], samples=there[0], tangents=more > 0)
-        numbers = np.fromfile(there[1])
+        output = f"{self.context.scratch}/{RESIDUALS}"
+        self.context.put(SAMPLES, np.concatenate((y, ydot), axis=1).tobytes())
+        self.context.ask("residuals", self.text, DECK, output, samples=SAMPLES, tangents=more > 0)
+        numbers = np.fromfile(output)
         if len(numbers) != y.size + more:
-            raise EvaluationError("harmonic balance", "the solver left residuals of another size than was asked for")
+            raise EvaluationError(
+                "harmonic balance",
+                f"the solver left {len(numbers)} numbers in {output}; {y.size + more} were asked for",
+            )
         return numbers
