@@ -41,7 +41,6 @@ LEAST_WEIGHT, AT_REST = 1e-6, 1e-8  # what moves less is round-off
 SLOWEST_RAD_S, FASTEST_RAD_S = 1.0, 200.0  # of a swing
 FAR_BEYOND = 10.0  # of presliding; swings whose slopes are those of Coulomb's law
 SAME, LARGER = 0.01, 1.01  # relative difference of cycles that are one; of swings that tell what a cycle does
-FIRST_STEP, LONGEST_STEP, SECANT_STEPS, HARDLY = 0.02, 0.06, 12, 0.01  # in the logarithm of amplitudes; rad/s of growth
 BESIDE = 1.15  # how far beyond the two swings around it in a sweep a cycle may be
 FIRST_AMPLITUDE_M, FIRST_M_PER_N = 0.02, 0.002  # of the swing that is found first, at least; by breakout force
 HALVINGS = 2  # of a step of a sweep
@@ -468,31 +467,8 @@ class HarmonicBalance:
                 return LimitCycle(swing, stable)
             except EvaluationError as error:
                 trouble = error.reason
-        try:
-            return LimitCycle(of(self.K, self._nearly_steady(low, high)), stable)
-        except EvaluationError:
-            return LimitCycle(best, stable, f"{told}: {trouble}")
+        return LimitCycle(best, stable, f"{told}: {trouble}")
 
     def _attracts(self, cycle: Swing) -> bool:
         """Whether a swing a little larger than a cycle dies. EvaluationError if it is not found."""
         return self.solve(cycle, LARGER * self._grip(cycle)).growth_rad_s < 0.0
-
-    def _nearly_steady(self, low: Swing, high: Swing) -> Swing:
-        """By the growth of swings with all harmonics, of amplitudes about two of a sweep, one that hardly grows.
-
-        EvaluationError if a swing on the way is not found.
-        """
-        size = math.log(self._grip(high))
-        least, most = math.log(self._grip(low) / BESIDE), size + math.log(BESIDE)
-        now = self.solve(high, math.exp(size), ROUGH)
-        smaller = (now.growth_rad_s < 0.0) == (high.growth_rad_s < low.growth_rad_s)
-        step = -FIRST_STEP if smaller else FIRST_STEP
-        for _ in range(SECANT_STEPS):
-            before, last = now, size
-            size = min(max(size + step, least), most)
-            now = self.solve(before, math.exp(size), ROUGH)
-            if abs(now.growth_rad_s) < HARDLY or size == last:
-                break
-            slope = (now.growth_rad_s - before.growth_rad_s) / (size - last)
-            step = min(max(-now.growth_rad_s / slope, -LONGEST_STEP), LONGEST_STEP) if slope else FIRST_STEP
-        return now
