@@ -163,15 +163,15 @@ def _growing(row: Mapping[str, Any]) -> list[str]:
     """How large a swing friction allows a loop that is unstable without, by the friction."""
     told = []
     for name, swings in row.get("smallest_swing_that_grows_mm", {}).items():
-        if swings is not None:
-            cells = [
-                f"{amount:.0f} N {'-' if mm is None else f'{mm:.3g}'}"
-                for amount, mm in zip(swings["more_n"], swings["swing_mm"], strict=True)
-            ]
-            told.append(
-                f"    {name} pilot, unstable without: smallest swing that grows [mm; -: none within the stops]:"
-            )
-            told.append(f"    by friction more: {', '.join(cells)}")
+        if "reason" in swings:
+            told.append(f"    {name} pilot, unstable without: smallest swing that grows not told: {swings['reason']}")
+            continue
+        cells = [
+            f"{amount:.0f} N {'-' if mm is None else f'{mm:.3g}'}"
+            for amount, mm in zip(swings["more_n"], swings["swing_mm"], strict=True)
+        ]
+        told.append(f"    {name} pilot, unstable without: smallest swing that grows [mm; -: none within the stops]:")
+        told.append(f"    by friction more: {', '.join(cells)}")
     return told
 
 

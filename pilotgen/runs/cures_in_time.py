@@ -77,11 +77,11 @@ def kicks_told(found: Mapping[str, Any]) -> str | None:
     return f"with the friction every kick at the lever that was tried, {low:g} to {high:g} N, {end}"
 
 
-def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions) -> dict[str, Any] | None:
+def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions) -> dict[str, Any]:
     """Smallest swing of the grip that grows [mm] by so much more friction [N], of a pilot whose loop is unstable.
 
     By the harmonic balance over the nonlinear deck. 0: every small swing grows; None for a swing: every one within the
-    stops dies; None for all: no deck holds this loop, or no swing was balanced.
+    stops dies. Only a `reason` where no deck holds this loop, or no swing was balanced.
     """
     from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
     from pilotgen.closed_loop.limit_cycles import onset_map
@@ -95,8 +95,8 @@ def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions
             kind = friction_of(study) or more_friction(study, max(totals) or 1.0)
             gearing = loop.study.inceptor.gearing_rad_per_m
             (row,) = onset_map(context, loop, kind, totals, [gearing]).swing_mm.tolist()
-    except PilotgenError:
-        return None
+    except PilotgenError as error:
+        return {"reason": str(error)}
     return {"more_n": list(LEVELS_N), "swing_mm": [value if math.isfinite(value) else None for value in row]}
 
 

@@ -15,13 +15,16 @@ from study_texts import MAYO, MULTIBODY
 
 import pilotgen as pg
 from pilotgen.cli import main
+from pilotgen.commands.cures import _growing
 from pilotgen.cures import catalogue, optimum
 from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.optimum import cheapest, cost_of
 from pilotgen.errors import StudyError
 from pilotgen.runs import cures_maps, cures_study
 from pilotgen.runs.cures_clinic import Clinic, critical_hz
+from pilotgen.runs.cures_in_time import smallest_swings
 from pilotgen.runs.cures_maps import map_pairs
+from pilotgen.runs.options import RunOptions
 from pilotgen.study.study import study_from_text
 
 STUDY, MAYO_STUDY = study_from_text(MULTIBODY), study_from_text(MAYO)
@@ -268,6 +271,14 @@ def test_friction_is_told_for_its_swing_and_never_proposed_unasked(
     ):
         assert main([*options[:3], str(tmp_path / "other"), *more]) == 1
         assert wanted in capsys.readouterr().err and not (tmp_path / "other").exists()
+
+
+def test_swings_that_cannot_be_told_say_why() -> None:
+    study = study_from_text(MAYO)  # no deck
+    swings = smallest_swings(study, {}, RunOptions())
+    assert list(swings) == ["reason"] and "has no deck; use a multibody pilot" in swings["reason"]
+    (line,) = _growing({"smallest_swing_that_grows_mm": {"worst": swings}})
+    assert "worst pilot, unstable without: smallest swing that grows not told: " in line
 
 
 def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
