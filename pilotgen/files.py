@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 import stat
 from collections.abc import Mapping
 from contextlib import suppress
@@ -65,9 +64,6 @@ def refuse_special(path: str | os.PathLike[str], error: type[PilotgenError] = Fi
             raise error(f"{os.fspath(path)} is {what}; a regular file is wanted")
 
 
-_NAMED = re.compile(r"{%-?\s*(?:include|import|from|extends)\s+[\"']([^\"']+)[\"']")
-
-
 def check_templates(directory: Path, *names: str) -> None:
     """Make sure, before hours of work, that templates are there with all that they include.
 
@@ -76,18 +72,22 @@ def check_templates(directory: Path, *names: str) -> None:
     FileError
         One is missing or cannot be read.
     """
+    import jinja2.meta
+
+    grammar = jinja2.Environment(autoescape=True)  # reads only
     waiting, seen = list(names), set(names)
     while waiting:
         path = directory / waiting.pop()
         try:
-            found = _NAMED.findall(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
+            tree = grammar.parse(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, jinja2.TemplateSyntaxError) as error:
             why = getattr(error, "strerror", None) or error
             raise FileError(
                 f"{path}: cannot be read ({why}); this installation is incomplete, install it again"
             ) from None
-        waiting += [name for name in dict.fromkeys(found) if name not in seen]
-        seen.update(found)
+        found = {name for name in jinja2.meta.find_referenced_templates(tree) if name is not None} - seen
+        waiting += sorted(found)
+        seen |= found
 
 
 def write_text(path: Path, text: str) -> None:
