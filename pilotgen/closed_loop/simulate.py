@@ -40,6 +40,7 @@ STEP_S = 1e-3
 TURBULENCE_HZ, TURBULENCE_LINES, TURBULENCE_CORNER_HZ = (0.1, 10.0), 100, 0.3  # corner estimated: hover near the ground
 SETTLING_S = 0.3  # after a pulse, before the fit
 FIT_HZ = 100.0  # sampling of a motion for the fit
+SHORTEST_FIT_S = 1.0  # of a motion, three periods of bounce; less tells no growth
 FIT_RANK = 1e-7  # singular values below this share of the largest are noise
 QUIET_M = 1e-4  # grip motion below this is rest
 
@@ -275,7 +276,7 @@ def fit(motion: LoopMotion, from_s: float, to_s: float, band_hz: tuple[float, fl
     every = max(1, round(1.0 / (FIT_HZ * step)))
     rows = (motion.time >= from_s) & (motion.time <= to_s)
     signal = motion.travel[rows][::every]
-    if len(signal) < FIT_HZ or float(np.ptp(signal)) == 0.0:
+    if every * step * len(signal) < SHORTEST_FIT_S or float(np.ptp(signal)) == 0.0:
         return None
     poles, amplitudes = exponentials(signal, every * step)
     length = every * step * (len(signal) - 1)
