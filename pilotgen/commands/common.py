@@ -221,36 +221,30 @@ def seed(text: str) -> int:
     return value
 
 
-def non_negative_float(text: str) -> float:
-    """Type of an argument: a number, zero or more."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} must be a finite number, zero or more")
-    return value
-
-
 def any_float(text: str) -> float:
-    """Type of an argument: a number of either sign."""
+    """Type of an argument: a finite number of either sign."""
     try:
         value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} must be a finite number")
+        raise argparse.ArgumentTypeError(f"{text} is not finite; a finite number is wanted")
+    return value
+
+
+def non_negative_float(text: str) -> float:
+    """Type of an argument: a finite number, zero or more."""
+    value = any_float(text)
+    if value < 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is negative; zero or more is wanted")
     return value
 
 
 def positive_float(text: str) -> float:
-    """Type of an argument: a number greater than zero."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} must be a finite number greater than zero")
+    """Type of an argument: a finite number greater than zero."""
+    value = any_float(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is too small; a number greater than zero is wanted")
     return value
 
 
