@@ -44,7 +44,7 @@ SAME, LARGER = 0.01, 1.01  # relative difference of cycles that are one; of swin
 BESIDE = 1.15  # how far beyond the two swings around it in a sweep a cycle may be
 FIRST_AMPLITUDE_M, FIRST_M_PER_N = 0.02, 0.002  # of the swing that is found first, at least; by breakout force
 HALVINGS = 2  # of a step of a sweep
-DECAYED = -6.0  # rad/s; a swing that dies faster is not followed further
+DECAYED_RAD_S = -6.0  # a swing that dies faster is not followed further
 
 
 class HarmonicBalance:
@@ -375,7 +375,7 @@ class HarmonicBalance:
                     lost = f"swings {beyond} {1e3 * passed[-1].amplitude_m:.3g} mm were not followed: {error.reason}"
                     break
                 found[amplitude] = passed[-1]
-                if passed[-1].growth_rad_s < DECAYED:
+                if passed[-1].growth_rad_s < DECAYED_RAD_S:
                     break
         return [found[a] for a in sorted(found)], lost
 

@@ -24,13 +24,13 @@ from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Complexes, Floats
 
 AMPLITUDES = 10  # of a sweep, below the stops
-SMALLEST_M = 1e-3
+SMALLEST_M = 1e-3  # amplitude at the grip that a sweep begins with
 AT_STOPS = (0.8, 0.88, 0.96, 1.0, 1.02, 1.04, 1.06, 1.08, 1.12)  # amplitudes over half the travel between the stops
 SWEEP_HARMONICS = 2  # clipped muscles have a second one, which moves growth
 HARMONICS = 9  # of limit cycles
-MAP_HARMONICS = 3
+MAP_HARMONICS = 3  # of the cycles in a map
 MAP_BISECTIONS = 4  # of a kick in a map: its size is known to 4 %
-NYQUIST_HZ = (1.5, 8.0, 70)
+NYQUIST_HZ = (1.5, 8.0, 70)  # from, to, points
 
 
 @dataclass(frozen=True, eq=False)

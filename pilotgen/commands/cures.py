@@ -17,7 +17,7 @@ from pilotgen.files import to_json
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
-STILL_MM = 0.1
+STILL_MM = 0.1  # swing of the grip at the end of a motion, above which it goes on
 WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map*.png", "journal.sqlite*")
 
 

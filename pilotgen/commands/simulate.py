@@ -12,7 +12,7 @@ from typing import Any
 from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
-LONGEST_S = 1000.0
+LONGEST_S = 1000.0  # of a motion: a million rows of 1 ms
 WRITES = ("simulation.json", "history.png", "onset.png")
 
 
