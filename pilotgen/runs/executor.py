@@ -16,7 +16,6 @@ import multiprocessing
 import multiprocessing.util
 import os
 import pickle
-import re
 import select
 import signal
 import time
@@ -27,6 +26,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
+
+from pilotgen.runs.memory import peak_with_children_bytes
 
 # Set in every worker before numpy is imported there: pilots are small, parallelism is over pilots.
 SINGLE_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
@@ -218,7 +219,7 @@ class ProcessWorkers:
 
     def memory_bytes(self) -> int:
         """Largest memory that one worker and its solver had so far."""
-        return max((_peak_with_children(worker.process.pid) for worker in self._workers), default=0)
+        return max((peak_with_children_bytes(worker.process.pid) for worker in self._workers), default=0)
 
     def close(self) -> None:
         """Have the processes end when they have done what they have; they are waited for."""
@@ -315,21 +316,6 @@ class ProcessWorkers:
             _end(worker.process)
         self._workers.clear()
         self._poll = select.poll()
-
-
-def _peak_with_children(pid: int | None) -> int:
-    """Largest resident memory of a process and its children so far [bytes]; 0 of one that is gone."""
-    total = 0
-    try:
-        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as file:
-            family = [pid, *map(int, file.read().split())]
-        for one in family:
-            with open(f"/proc/{one}/status", encoding="utf-8", errors="replace") as file:
-                found = re.search(r"VmHWM:\s*(\d+) kB", file.read())
-                total += int(found[1]) * 1024 if found else 0
-    except (OSError, ValueError):
-        return total
-    return total
 
 
 def is_stopped(pid: int | None) -> bool:

@@ -6,11 +6,9 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import json
-import re
-import resource
+import os
 import shutil
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from pilotgen.population.region import region_of
 from pilotgen.runs.changes import refuse_changes
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, peek
+from pilotgen.runs.memory import free_bytes, peak_bytes, resident_bytes
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, columns_of
 from pilotgen.runs.sample_study import CHUNK
@@ -117,7 +116,8 @@ def plan(study: Study, options: RunOptions, directory: Path | None = None, numbe
             evaluate(context, nominal)
             count += 1
         per_pilot = (time.perf_counter() - begin) / count * (study.uncertain["draws"] + 1 if study.robust else 1)
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + _solver_memory(context)
+        # What this process has now, not what it once had: a Python session may have had much before.
+        memory = resident_bytes(os.getpid()) + (peak_bytes(context.client.pid) if context.mbdae is not None else 0)
         solver = solver_version(options.mbdae) if context.mbdae is not None else "none"
     left = max(0, evaluations - recorded)
     row = _bytes_per_pilot(study, outcome.result)
@@ -130,7 +130,7 @@ def plan(study: Study, options: RunOptions, directory: Path | None = None, numbe
         per_pilot,
         START_S + left * per_pilot / workers + (REPORT_S if number is None else 0.0),
         memory * (workers + 1),
-        _free_memory(),
+        free_bytes(),
         row * evaluations + (REPORT_BYTES if number is None else 0),
         _free_disk(directory or Path.cwd()),
         told,
@@ -157,25 +157,6 @@ def _bytes_per_pilot(study: Study, result: dict[str, object]) -> int:
     row = Row(0, 0, dict.fromkeys(names, 1.0), {**result, "status": result["status"]})
     columns = columns_of([row], names, np.zeros((1, len(study.search.objectives))), None)
     return int(JOURNAL_OVERHEAD * text) + sum(column.nbytes + 16 for column in columns.values())
-
-
-def _solver_memory(context: EvaluationContext) -> int:
-    """Largest memory the solver had so far [bytes]; 0 if there is none."""
-    pid = context.client.pid if context.mbdae is not None else None
-    if pid is not None:
-        with suppress(OSError):
-            found = re.search(r"VmHWM:\s*(\d+) kB", Path(f"/proc/{pid}/status").read_text())
-            if found:
-                return int(found[1]) * 1024
-    return 0
-
-
-def _free_memory() -> int:
-    with suppress(OSError):
-        found = re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())
-        if found:
-            return int(found[1]) * 1024
-    return 0
 
 
 def _free_disk(directory: Path) -> int:
