@@ -5,8 +5,6 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -53,14 +51,6 @@ def test_failures_rank_behind_all() -> None:
     np.testing.assert_array_equal(non_dominated_rank(F), [1, 3, 2, 3])
     np.testing.assert_array_equal(non_dominated_rank(F[[1, 3]]), [1, 1])
     np.testing.assert_array_equal(fittest(F, 3), [0, 2, 1])
-
-
-def test_a_pool_of_two_hundred_is_ranked_in_no_time() -> None:
-    F = np.random.default_rng(0).normal(size=(200, 2))
-    start = time.perf_counter()
-    for _ in range(10):
-        non_dominated_rank(F)
-    assert (time.perf_counter() - start) / 10 < 0.01
 
 
 def test_crowding_by_hand() -> None:

@@ -161,7 +161,7 @@ def test_a_hanging_solver_is_stopped_in_time(tmp_path: Path) -> None:
         start = time.monotonic()
         with pytest.raises(SolverError, match=r"did not answer on slow\.mbd within 0\.3 s and was stopped") as caught:
             client.request("hang", name="slow.mbd", timeout_s=0.3)
-        assert time.monotonic() - start < 3.0
+        assert time.monotonic() - start < 30.0  # the solver would sleep for 60
         assert not caught.value.died
         assert pid is not None and wait_until_gone(pid)
         assert client.request("check").status == "ok"
@@ -251,7 +251,7 @@ def test_a_client_can_be_closed_in_a_signal_handler_that_interrupted_a_wait(tmp_
     running.process._waitpid_lock.acquire()  # type: ignore[attr-defined]  # as `poll` does, and never comes back
     start = time.monotonic()
     client.close()
-    assert time.monotonic() - start < 5.0
+    assert time.monotonic() - start < 30.0  # not for ever
     running.process._waitpid_lock.release()  # type: ignore[attr-defined]
     assert running.process.wait(timeout=5.0) is not None
 
