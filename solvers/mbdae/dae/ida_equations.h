@@ -62,7 +62,6 @@ class IdaEquations {
   // (shortest correction); redundant constraints share their load with the smallest norm.
   const State& output(double t, const Values& y, const Values& ydot);
 
-  // The equation with the largest violation of balance or constraint at the present state.
   /// Which equation is farthest from holding, and how far; empty if all of them hold.
   std::string worst_equation(double t, const Values& y, const Values& ydot);
 
