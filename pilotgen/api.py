@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError, FileError, PilotgenError
-from pilotgen.evaluation import Evaluation, EvaluationContext
+from pilotgen.evaluation import Evaluation
 from pilotgen.evaluation import evaluate as evaluate_in
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.margins import Margins

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.output import claimed
 from pilotgen.runs import population_study, rare_study, sensitivity_study, uncertain_study
 from pilotgen.runs.batch import OnProgress, Progress

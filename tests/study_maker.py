@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import evaluate
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.results import Row, StudyResults, columns_of, read_results, write_results
 from pilotgen.search.problem import Problem

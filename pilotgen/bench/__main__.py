@@ -79,7 +79,7 @@ def _parts(args: argparse.Namespace) -> list[tuple[str, Callable[[], Sheet]]]:
 
 def _stages(args: argparse.Namespace) -> Sheet:
     from pilotgen.bench import floors, runs, stages
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.runs.task import keep_freed_memory
     from pilotgen.study.study import read_study
 

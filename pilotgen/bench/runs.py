@@ -18,7 +18,8 @@ import numpy as np
 import yaml
 
 from pilotgen.bench.machine import Ran, pilotgen, run
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import evaluate
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
 from pilotgen.study.study import Study, read_study
 from pilotgen.study.yaml_file import read_yaml

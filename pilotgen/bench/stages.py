@@ -22,7 +22,8 @@ import numpy as np
 
 from pilotgen import evaluation
 from pilotgen.bench.machine import process_cpu_s
-from pilotgen.evaluation import DECK_NAMES, Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import DECK_NAMES, Evaluation, evaluate
 from pilotgen.runs.journal import Journal, Record, evaluation_key
 from pilotgen.runs.task import Task
 from pilotgen.search import Problem

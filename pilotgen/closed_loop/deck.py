@@ -17,11 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from pilotgen.activation.reflex import reflex_gains
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.deck import GRAVITY_M_PER_S2, TIME_STEP_S, render_direct
 from pilotgen.decks.text import number
 from pilotgen.decks.vehicle import Friction, Stops, Vehicle
 from pilotgen.errors import EvaluationError, PilotgenError, StudyError
-from pilotgen.evaluation import EvaluationContext, SolvedPilot, solve_pilot
+from pilotgen.evaluation import SolvedPilot, solve_pilot
 from pilotgen.files import write_text
 from pilotgen.loop.network import Network, Reaction, network
 from pilotgen.loop.rotorcraft_model import RotorcraftModel, rotorcraft_model

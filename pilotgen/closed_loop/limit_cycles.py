@@ -19,8 +19,8 @@ from pilotgen.closed_loop.harmonic import HarmonicBalance
 from pilotgen.closed_loop.swing import LimitCycle, Swing
 from pilotgen.closed_loop.swing_model import SwingModel, channels
 from pilotgen.closed_loop.threshold import Threshold, threshold
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.vehicle import Friction
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Complexes, Floats
 
 AMPLITUDES = 10  # of a sweep, below the stops

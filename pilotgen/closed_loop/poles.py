@@ -18,8 +18,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pilotgen.closed_loop.deck import SEAT_REACTION, ClosedLoop
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError, StudyError
-from pilotgen.evaluation import EvaluationContext, feedthrough_of
+from pilotgen.evaluation import feedthrough_of
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import heave_loop
 from pilotgen.loop.margins import margins

@@ -13,8 +13,8 @@ import math
 
 from pilotgen.closed_loop.deck import START_S, ClosedLoop, friction_of
 from pilotgen.closed_loop.simulate import KICKS, disturbance, simulate
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import PilotgenError
-from pilotgen.evaluation import EvaluationContext
 
 KICK_S = 0.5  # of a pulse that are looked at: in a longer one the rotorcraft answers, and that is no kick's fault
 BISECTIONS = 10  # of the largest size, in the logarithm: to 1 %

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Floats
 
 SAMPLES, RESIDUALS = "samples.bin", "residuals.bin"

@@ -19,10 +19,10 @@ import numpy as np
 
 from pilotgen.closed_loop.deck import START_S, ClosedLoop, Disturbance, friction_of, pulse
 from pilotgen.closed_loop.poles import eigenvalues
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.text import number
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError, MatrixError, SolverError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.files import write_text
 from pilotgen.hdf5 import opened, text
 from pilotgen.population.shares import Share

@@ -17,8 +17,8 @@ from pilotgen.closed_loop.elements import GripStops, MuscleLaw
 from pilotgen.closed_loop.muscles import muscle_data, muscle_rows
 from pilotgen.closed_loop.poles import eigenvalues
 from pilotgen.closed_loop.residuals import DeckResiduals
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Complexes, Floats
 from pilotgen.solver.matrices import Matrices, descriptor
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from pilotgen.closed_loop.deck import ClosedLoop
 from pilotgen.closed_loop.simulate import LoopMotion, disturbance, free_from, grows, simulate
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.vehicle import Friction
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.solver.descriptor import Floats
 
 TOGETHER = 0.02  # swings of two motions that differ by less run together

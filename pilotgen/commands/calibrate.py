@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
     from pilotgen.study.study import read_study
     from pilotgen.virtual.calibration import calibrate, reference_study, reflex_yaml

@@ -16,7 +16,7 @@ from pilotgen.commands import common
 
 if TYPE_CHECKING:
     from pilotgen.closed_loop.deck import ClosedLoop
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.study.study import Study
 
 WRITES = ("*.mbd", "*.fem", "*.h5", "*.log", "*.out")  # besides what a command leaves of its own
@@ -77,7 +77,7 @@ def opened(args: argparse.Namespace, kind: str, writes: Sequence[str], two_way: 
 
     pin_threads()
     from pilotgen.closed_loop.deck import check_study, close_in_deck
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
 
     study, values = common.read_pilot(args)

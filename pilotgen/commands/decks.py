@@ -37,7 +37,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import DECK_NAMES, EvaluationContext, write_decks
+    from pilotgen.context import EvaluationContext
+    from pilotgen.evaluation import DECK_NAMES, write_decks
     from pilotgen.output import claimed
 
     study, values = common.read_pilot(args)

@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.virtual.identify import (

@@ -22,7 +22,8 @@ from pilotgen.study.loop_section import COLLECTIVE, HEAVE, LoopSignals
 from pilotgen.study.schema import SCHEMA
 
 if TYPE_CHECKING:
-    from pilotgen.evaluation import Evaluation, EvaluationContext
+    from pilotgen.context import EvaluationContext
+    from pilotgen.evaluation import Evaluation
     from pilotgen.runs.batch import Progress
     from pilotgen.runs.options import RunOptions
     from pilotgen.study.study import Study
@@ -73,7 +74,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, write_result
+    from pilotgen.context import EvaluationContext
+    from pilotgen.evaluation import Evaluation, evaluate, write_result
     from pilotgen.output import claimed
 
     for option in OF_DRAWS:

@@ -39,7 +39,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import EvaluationContext, solve_pilot
+    from pilotgen.context import EvaluationContext
+    from pilotgen.evaluation import solve_pilot
     from pilotgen.output import claimed
     from pilotgen.virtual.seat_vibration import report, seat_vibration
 

@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
     from pilotgen.report.view import repeat_pilot
     from pilotgen.study.study import study_from_text

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate, write_result
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate, write_result
 from pilotgen.objectives import GAIN_MARGIN, MARGINS
 from pilotgen.report.findings import distinct, worst_order
 from pilotgen.runs.batch import RESULTS_NAME

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError, IncompleteOutput
-from pilotgen.evaluation import PILOT_DECK, RESULT_NAME, Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.evaluation import PILOT_DECK, RESULT_NAME, Evaluation, FailedEvaluation, evaluate
 from pilotgen.figures import loop as loop_figures
 from pilotgen.figures.style import quantity, typeset
 from pilotgen.files import write_text

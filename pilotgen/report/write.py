@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import IncompleteOutput
-from pilotgen.evaluation import PILOT_DECK, Evaluation, EvaluationContext, evaluate
+from pilotgen.evaluation import PILOT_DECK, Evaluation, evaluate
 from pilotgen.figures.study import Curve
 from pilotgen.files import write_text
 from pilotgen.objectives import MARGINS, OBJECTIVES

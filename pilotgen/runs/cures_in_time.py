@@ -34,7 +34,7 @@ def simulated(study: Study, proposal: Mapping[str, Any], friction: bool, options
     from pilotgen.closed_loop.reach import check_kick
     from pilotgen.closed_loop.simulate import kicked
     from pilotgen.closed_loop.threshold import SIZES_N, threshold
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
 
     worst = min(proposal["pilots"], key=lambda row: _gain(row["before"]))
     found: dict[str, Any] = {"pilot": worst["name"], "kick_n": KICK_N, "duration_s": KICK_DURATION_S}
@@ -85,7 +85,7 @@ def smallest_swings(study: Study, values: Mapping[str, Any], options: RunOptions
     """
     from pilotgen.closed_loop.deck import check_study, close_in_deck, friction_of
     from pilotgen.closed_loop.limit_cycles import onset_map
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
 
     try:
         check_study(study)

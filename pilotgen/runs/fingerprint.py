@@ -17,8 +17,8 @@ from pilotgen.study.study import Study
 
 # Rooms whose code determines a result; commands, figures, reports and the search's bookkeeping do not.
 PHYSICS = (
-    "errors.py", "evaluation.py", "summary.py", "study", "anthropometry", "posture", "decks", "solver", "activation",
-    "linear", "loop",
+    "errors.py", "context.py", "evaluation.py", "summary.py", "study", "anthropometry", "posture", "decks", "solver",
+    "activation", "linear", "loop",
 )  # fmt: skip
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.output import STUDY_FILES, examine
 from pilotgen.population.region import region_of
 from pilotgen.runs.changes import refuse_changes

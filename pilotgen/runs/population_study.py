@@ -6,7 +6,6 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import csv
-import dataclasses
 import itertools
 import os
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from pilotgen.population.tally import Tally, sentences, signed
 from pilotgen.runs.batch import OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.plane import margin_planes
-from pilotgen.runs.session import Say, open_batch, provenance
+from pilotgen.runs.session import Say, open_batch, provenance, seeded
 from pilotgen.study.study import Study
 
 CHUNK = 500  # people in memory at a time, and between two looks at the intervals
@@ -121,13 +120,6 @@ def population_study(
         content["sentence"] = sentences(content)[0]
     write_text(directory / RESULT_NAME, to_json(content))
     return PopulationRun(content, progress)
-
-
-def seeded(study: Study, seed: int | None) -> Study:
-    """The study with another `search.seed`; None: its own."""
-    if seed is None:
-        return study
-    return dataclasses.replace(study, search=dataclasses.replace(study.search, seed=seed))
 
 
 def _header(file: IO[str]) -> None:

@@ -13,15 +13,15 @@ import numpy as np
 
 from pilotgen.errors import StudyError
 from pilotgen.files import to_json, write_text
-from pilotgen.objectives import MODULUS_MARGIN, OBJECTIVES
+from pilotgen.objectives import MODULUS_MARGIN, OBJECTIVES, Objective
 from pilotgen.population.population import Population, population_of
 from pilotgen.population.rare import FEWEST, RareShare, Stratum, rare_share
 from pilotgen.population.region import one_in
 from pilotgen.population.tally import percent, signed
 from pilotgen.runs.batch import OnProgress, Progress
 from pilotgen.runs.options import RunOptions
-from pilotgen.runs.population_study import CHUNK, KIND, PopulationRun, seeded
-from pilotgen.runs.session import Say, open_batch, provenance
+from pilotgen.runs.population_study import CHUNK, KIND, PopulationRun
+from pilotgen.runs.session import Say, open_batch, provenance, seeded
 from pilotgen.study.study import Study
 
 RESULT_NAME = "rare.json"
@@ -103,17 +103,22 @@ def _strata(population: Population, study: Study) -> list[Stratum]:
     return [Stratum(share, joint, (joint.range, population.within)) for share, joint in population.joints]
 
 
+def _margin_of(event: str) -> Objective:
+    """The margin that tells how far a person is from an event: of instability the signed modulus margin."""
+    return MODULUS_MARGIN if event == UNSTABLE else OBJECTIVES[event]
+
+
 def _away(result: Mapping[str, Any], event: str, limit: float) -> float:
     """How far a person is from the event: below zero he has it, NaN if he could not be evaluated."""
     if result["status"] != "ok":
         return np.nan
-    row = MODULUS_MARGIN if event == UNSTABLE else OBJECTIVES[event]
+    row = _margin_of(event)
     return min(row.capped(signed(row, result)), 1e6) - limit
 
 
 def _as_dict(found: RareShare, event: str, limit: float) -> dict[str, Any]:
     low, high = found.interval
-    key = MODULUS_MARGIN.key if event == UNSTABLE else event
+    key = _margin_of(event).key
     return {
         "evaluated": found.evaluated,
         "share": found.share,
@@ -146,7 +151,7 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     )
     low, high = percent(content["low"]), percent(content["high"])
     if not content["people_with_it"]:
-        row = MODULUS_MARGIN if event == UNSTABLE else OBJECTIVES[event]
+        row = _margin_of(event)
         told = [
             f"Nobody was found among {who} who would {what}: less than {high} % of them, with 95 % certainty.",
             f"The smallest {row.label} of {content['evaluated']} people, drawn where it is small, is "

@@ -5,7 +5,6 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +15,7 @@ from pilotgen.objectives import quantiles, ranked_objectives
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import ResultsWriter, Row, columns_of
-from pilotgen.runs.session import Run, Say, open_batch, provenance
+from pilotgen.runs.session import Run, Say, open_batch, provenance, seeded
 from pilotgen.study.study import Study
 
 if TYPE_CHECKING:
@@ -56,8 +55,7 @@ def sample_study(
         As `search_study`.
     """
     options = options or RunOptions()
-    if seed is not None:
-        study = dataclasses.replace(study, search=dataclasses.replace(study.search, seed=seed))
+    study = seeded(study, seed)
     seed = study.search.seed
     progress = Progress(number)
     with open_batch(study, directory, "sample", options, min(number, CHUNK), on_progress, progress, say) as batch:

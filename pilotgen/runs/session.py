@@ -5,6 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 import signal
 import warnings
@@ -63,6 +64,13 @@ class Run:
     def any_ok(self) -> bool:
         """Whether at least one pilot could be evaluated."""
         return self.progress.failed < self.progress.done
+
+
+def seeded(study: Study, seed: int | None) -> Study:
+    """The study with another `search.seed`; None: its own."""
+    if seed is None:
+        return study
+    return dataclasses.replace(study, search=dataclasses.replace(study.search, seed=seed))
 
 
 @contextmanager

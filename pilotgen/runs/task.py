@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import NO_MEMORY, FileError, PilotgenError, without_memory
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.runs.fingerprint import fingerprint
 from pilotgen.study.study import Study
 from pilotgen.uncertain.draws import Draws

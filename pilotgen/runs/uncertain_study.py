@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation
+from pilotgen.evaluation import Evaluation, FailedEvaluation
 from pilotgen.files import to_json, write_text
 from pilotgen.linear.statespace import ComplexArray
 from pilotgen.objectives import OBJECTIVES

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.study.fields import Mistake
 from pilotgen.study.schema import OTHER_MASS, field_of, is_whole, locate
 from pilotgen.study.study import Study, check_uncertainty

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, FailedEvaluation
 from pilotgen.objectives import OBJECTIVES, ROBUST
 from pilotgen.uncertain.draws import Draws
 

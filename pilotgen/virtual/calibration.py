@@ -24,9 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.deck import render_direct
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import EvaluationContext, SolvedPilot, close_loop, linearise_direct, solve_pilot
+from pilotgen.evaluation import SolvedPilot, close_loop, linearise_direct, solve_pilot
 from pilotgen.linear.feedthrough import make_pilot_model, mayo_pilot
 from pilotgen.linear.imposed_motion import ImposedMotion
 from pilotgen.linear.pilot_model import PilotModel

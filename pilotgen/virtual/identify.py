@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from pilotgen.activation.reflex import reflex_gains
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import EvaluationContext, linearise_direct, solve_pilot
+from pilotgen.evaluation import linearise_direct, solve_pilot
 from pilotgen.hdf5 import NewFile
 from pilotgen.linear.feedthrough import make_pilot_model
 from pilotgen.linear.pilot_model import PilotModel

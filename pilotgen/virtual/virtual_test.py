@@ -16,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.deck import render_direct
 from pilotgen.decks.text import number
 from pilotgen.errors import EvaluationError, MatrixError
-from pilotgen.evaluation import EvaluationContext, SolvedPilot
+from pilotgen.evaluation import SolvedPilot
 from pilotgen.files import write_text
 from pilotgen.hdf5 import opened, text
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS

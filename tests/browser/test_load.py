@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from browser.conftest import Made
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.figures.study import Curve
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.report.findings import first_front, worst_order

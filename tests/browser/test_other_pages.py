@@ -10,7 +10,8 @@ import pytest
 from browser.conftest import PICTURES, TEXT, Made
 from study_maker import mayo_study, write_study
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, write_result
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate, write_result
 from pilotgen.report import write_report
 from pilotgen.report.compare import write_comparison
 from pilotgen.report.view import write_pilot_page

@@ -14,7 +14,8 @@ import pytest
 from browser.conftest import PICTURES, Made
 from PIL import Image
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.objectives import GAIN_MARGIN
 from pilotgen.report.findings import worst_order
 

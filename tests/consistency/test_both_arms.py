@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from whole_pilots import body_of, cockpit_of, solve
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.posture.cockpit import Cockpit
 from pilotgen.posture.kinematics import mirror_pose
 from pilotgen.solver.client import SolverClient

@@ -12,7 +12,8 @@ import pytest
 from pilotgen.closed_loop.deck import ClosedLoop, close_in_deck
 from pilotgen.closed_loop.muscles import muscle_data, muscle_rows
 from pilotgen.closed_loop.poles import compare_poles
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.posture.seated_torso import FEM_NAME
 from pilotgen.solver.mbdyn_check import check_mbdyn
 from pilotgen.study.study import Study, read_study

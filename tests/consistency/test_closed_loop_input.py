@@ -16,8 +16,8 @@ from pilotgen.cli import main
 from pilotgen.closed_loop.deck import ClosedLoop, close_in_deck
 from pilotgen.closed_loop.reach import check_kick, check_reach
 from pilotgen.closed_loop.simulate import disturbance, simulate
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import PilotgenError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.loop.rotorcraft_model import rotorcraft_model
 from pilotgen.study.rotorcraft import load_rotorcraft
 from pilotgen.study.study import read_study

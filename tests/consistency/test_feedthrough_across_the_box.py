@@ -13,7 +13,8 @@ import pytest
 from linear_models import dense_eigenvalues, sort
 from numpy.testing import assert_allclose
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
 from pilotgen.linear.pilot_model import PilotModel, read_pilot_model
 from pilotgen.solver.matrices import read_matrices

@@ -18,9 +18,9 @@ from pilotgen.closed_loop.harmonic import HarmonicBalance
 from pilotgen.closed_loop.simulate import disturbance, simulate
 from pilotgen.closed_loop.swing_model import SwingModel
 from pilotgen.closed_loop.threshold import swings
+from pilotgen.context import EvaluationContext
 from pilotgen.cures.catalogue import changes
 from pilotgen.cures.friction import GripSwing, as_built, like, more_friction
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.study.study import read_study
 
 STUDY = read_study(Path(__file__).parents[2] / "docs" / "studies" / "puma-bmi.yaml")

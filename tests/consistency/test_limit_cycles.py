@@ -19,9 +19,9 @@ from pilotgen.closed_loop.simulate import disturbance, simulate
 from pilotgen.closed_loop.swing import Swing
 from pilotgen.closed_loop.swing_model import Locked, SwingModel
 from pilotgen.closed_loop.threshold import swings, threshold
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"

@@ -14,7 +14,8 @@ import pytest
 from whole_pilots import WholePilot, body_of, cockpit_of, heavier, solve, stronger
 
 from pilotgen.activation.reflex import calibrated_gains
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate, solve_pilot
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate, solve_pilot
 from pilotgen.linear.feedthrough import certificate
 from pilotgen.posture.cockpit import make_cockpit
 from pilotgen.solver.client import SolverClient

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError, StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate, feedthrough_of, solve_pilot
+from pilotgen.evaluation import Evaluation, evaluate, feedthrough_of, solve_pilot
 from pilotgen.linear.reflex_delay import delayed_full_order_response, pade
 from pilotgen.study.study import read_study, study_from_text
 from pilotgen.virtual.identify import identify

@@ -28,7 +28,8 @@ from processes import (
     wait_until,
 )
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.runs.batch import failures_by_reason
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
 from pilotgen.runs.results import read_results
@@ -324,7 +325,8 @@ def test_damaged_journal_is_told(tmp_path: Path) -> None:
 MEMORY = """
 import os
 import sys
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import evaluate
 from pilotgen.runs.memory import resident_bytes
 from pilotgen.study.study import read_study
 

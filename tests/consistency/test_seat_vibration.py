@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from pilotgen.cli import main
-from pilotgen.evaluation import EvaluationContext, solve_pilot
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import solve_pilot
 from pilotgen.study.study import read_study
 from pilotgen.virtual.seat_vibration import QUANTITIES, SeatVibration, lumped_model, published, seat_vibration
 

@@ -15,8 +15,9 @@ import pytest
 
 from pilotgen.anthropometry.spine import SpineModel, carrier_name
 from pilotgen.anthropometry.spine_modes import fem_text, reduce_spine
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.deck import GRAVITY_M_PER_S2
-from pilotgen.evaluation import EvaluationContext, SolvedPilot, solve_pilot
+from pilotgen.evaluation import SolvedPilot, solve_pilot
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.posture.seated_spine import seated_spine

@@ -22,9 +22,9 @@ from pilotgen.closed_loop.simulate import (
     grows,
     simulate,
 )
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import PilotgenError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"

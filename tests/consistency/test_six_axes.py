@@ -15,8 +15,9 @@ from numpy.testing import assert_allclose
 
 from pilotgen.activation.reflex import reflex_gains
 from pilotgen.bench.stages import random_pilots
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import MatrixError, StudyError
-from pilotgen.evaluation import EvaluationContext, SolvedPilot, solve_pilot
+from pilotgen.evaluation import SolvedPilot, solve_pilot
 from pilotgen.linear.feedthrough import certificates, make_pilot_model
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS, Channels, rotation_error, split, translation_error
 from pilotgen.linear.pilot_model import PilotModel

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.study.study import read_study
 from pilotgen.virtual.calibration import grip_stiffness
 

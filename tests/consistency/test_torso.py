@@ -17,12 +17,12 @@ from torso_model import TorsoModel
 from pilotgen.anthropometry.biometrics import Biometrics
 from pilotgen.anthropometry.torso import TorsoSpring, make_torso
 from pilotgen.bench.stages import random_pilots
+from pilotgen.context import EvaluationContext
 from pilotgen.decks.deck import GRAVITY_M_PER_S2, render_direct
 from pilotgen.errors import EvaluationError
 from pilotgen.evaluation import (
     PILOT_DECK,
     Evaluation,
-    EvaluationContext,
     FailedEvaluation,
     SolvedPilot,
     evaluate,

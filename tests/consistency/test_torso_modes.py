@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pilotgen.evaluation import Evaluation, EvaluationContext, SolvedPilot, evaluate, solve_pilot
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, SolvedPilot, evaluate, solve_pilot
 from pilotgen.linear.feedthrough import certificate, make_pilot_model
 from pilotgen.study.sections import calibrated_gains
 from pilotgen.study.study import read_study

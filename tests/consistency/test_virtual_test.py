@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from pilotgen.activation.reflex import reflex_gains
-from pilotgen.evaluation import EvaluationContext, solve_pilot
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import solve_pilot
 from pilotgen.linear.feedthrough import make_pilot_model
 from pilotgen.study.study import read_study
 from pilotgen.virtual.identify import identify

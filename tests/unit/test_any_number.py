@@ -22,8 +22,9 @@ import pilotgen as pg
 from pilotgen.anthropometry.biometrics import Biometrics
 from pilotgen.anthropometry.body import make_body
 from pilotgen.cli import main
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import PilotgenError, StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.runs.batch import replay_command
 from pilotgen.runs.results import read_results
 from pilotgen.search.problem import Problem

@@ -11,7 +11,8 @@ import yaml
 
 from pilotgen.bench import machine, runs, stages
 from pilotgen.bench.__main__ import main
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import evaluate
 from pilotgen.study.study import read_study
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 import yaml
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.study.schema import MAYO_PRESETS
 from pilotgen.study.sections import Reflex, calibrated_gains

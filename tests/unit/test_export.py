@@ -17,8 +17,9 @@ import scipy.io
 from numpy.testing import assert_allclose
 
 from pilotgen.cli import main
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import PilotgenError, StudyError
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.evaluation import evaluate
 from pilotgen.linear.export import NamedStateSpace, as_mat, as_table, named, reduced, state_space_object
 from pilotgen.linear.feedthrough import make_pilot_model, mayo_pilot
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS, Channels

@@ -14,7 +14,8 @@ import pytest
 from study_maker import mayo_study, write_study
 
 from pilotgen import figures
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.figures import style
 from pilotgen.figures.study import Curve
 from pilotgen.runs.results import StudyResults

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import evaluate
 from pilotgen.figures import rotorcraft_bode
 from pilotgen.loop.heave_model import HeaveModel, rotorcraft_report
 from pilotgen.study.rotorcraft import load_rotorcraft

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from pilotgen.cli import main
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError, MatrixError
-from pilotgen.evaluation import EvaluationContext
 from pilotgen.study.study import read_study
 from pilotgen.virtual.identify import Identification, identify, report, write_identification
 from pilotgen.virtual.virtual_test import (

@@ -250,7 +250,7 @@ def test_a_scratch_directory_that_is_gone_is_no_failure_of_a_pilot(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What any pilot would meet stops the run: nothing is recorded as failed."""
-    from pilotgen.evaluation import EvaluationContext
+    from pilotgen.context import EvaluationContext
     from pilotgen.runs.journal import JOURNAL_NAME, Journal
 
     begin = EvaluationContext.__init__

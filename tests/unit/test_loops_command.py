@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from pilotgen.cli import main
-from pilotgen.evaluation import EvaluationContext, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import evaluate
 from pilotgen.linear.feedthrough import make_pilot_model
 from pilotgen.linear.imposed_motion import Channels
 from pilotgen.loop.mimo import close

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from pilotgen import evaluation
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.linear.statespace import StateSpaceModel, series, transfer_function, zeros_poles_gain
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import LoopModel

@@ -12,8 +12,9 @@ import pytest
 
 from pilotgen.bench.stages import random_pilots
 from pilotgen.cli import main
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError
-from pilotgen.evaluation import DECK_NAMES, EvaluationContext, solve_pilot
+from pilotgen.evaluation import DECK_NAMES, solve_pilot
 from pilotgen.solver.client import SolverClient
 from pilotgen.solver.mbdyn_check import check_mbdyn
 from pilotgen.solver.mbdyn_files import read_m

@@ -15,8 +15,9 @@ from numpy.testing import assert_allclose
 
 from pilotgen import api
 from pilotgen.cli import main
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError, PilotgenError, StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.frequency_file import read_frequency_response

@@ -13,8 +13,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pilotgen.cli import main
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import StudyError
-from pilotgen.evaluation import EvaluationContext, SolvedPilot, solve_pilot
+from pilotgen.evaluation import SolvedPilot, solve_pilot
 from pilotgen.linear.feedthrough import certificates, make_pilot_model
 from pilotgen.linear.imposed_motion import HANDS, HEAD, MOMENTS, SEAT_MOTIONS, Channels, rotations
 from pilotgen.linear.pilot_model import PilotModel, read_pilot_model

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from study_maker import mayo_study, write_study
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.report import read_section
 from pilotgen.report.choose import shown_whole
 from pilotgen.report.findings import first_front, worst_order

@@ -16,7 +16,8 @@ import pytest
 from study_texts import MAYO, changed, message_of
 
 from pilotgen.cli import main
-from pilotgen.evaluation import Evaluation, EvaluationContext, FailedEvaluation, evaluate
+from pilotgen.context import EvaluationContext
+from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.objectives import OBJECTIVES, objective, quantile, ranked_objectives
 from pilotgen.runs.fingerprint import fingerprint
 from pilotgen.runs.results import read_results

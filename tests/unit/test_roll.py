@@ -16,8 +16,9 @@ from numpy.testing import assert_allclose
 from pilotgen import api
 from pilotgen.cli import main
 from pilotgen.commands.pilot import summary
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError, PilotgenError, StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.figures.loop import bode, nyquist
 from pilotgen.linear.full_order import full_order_response
 from pilotgen.linear.imposed_motion import Channels, split

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError, PilotgenError, StudyError
-from pilotgen.evaluation import Evaluation, EvaluationContext, evaluate
+from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.delay import pade_delay
