@@ -33,7 +33,8 @@ FILETYPE, VERSION = "pilotgen output", 1
 NOT_HASHED = ("journal.sqlite*",)  # it grows by itself, and tells by itself whether it is whole
 SHOWN = 3  # names that a message lists
 
-REPORT_FILES = ("report.html", "comparison.html", "study.yaml", "front", "front/*")
+STUDY_NAME = "study.yaml"  # the study as it was run, with what --set changed
+REPORT_FILES = ("report.html", "comparison.html", STUDY_NAME, "front", "front/*")
 STUDY_FILES = ("study.h5", "study.h5.old-*", "journal.sqlite*", *REPORT_FILES)
 STUDY_KINDS = ("search", "sample", "population", "sensitivity", "cures")
 PAGES = ("report", "view")  # commands that add pages to what another command left

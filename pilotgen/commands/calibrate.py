@@ -9,7 +9,7 @@ import argparse
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.files import to_json, write_text
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen calibrate docs/studies/puma-bmi.yaml -o results/calibration",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     common.add_output(parser, required=False)
     parser.add_argument(
         "--no-sensitivities",
@@ -49,10 +50,9 @@ def run(args: argparse.Namespace) -> int:
     pin_threads()
     from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
-    from pilotgen.study.study import read_study
     from pilotgen.virtual.calibration import calibrate, reference_study, reflex_yaml
 
-    study = read_study(args.study)
+    study = settings.read_changed(args, "calibrate")
     if study.pilot.model != "multibody":
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no reflexes; only multibody pilots have"

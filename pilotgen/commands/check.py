@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.errors import StudyError
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen check docs/studies/puma-bmi.yaml -o results/puma-bmi",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=common.user_path, default=None, help="where the run would write"
     )
@@ -48,11 +49,10 @@ def run(args: argparse.Namespace) -> int:
     pin_threads()
     from pilotgen.runs.options import RunOptions
     from pilotgen.runs.plan import plan
-    from pilotgen.study.study import read_study
 
     if args.resume and args.output is None:
         raise StudyError("--resume is for -o DIR, which has evaluations to go on with; add that, or leave --resume out")
-    study = read_study(args.study)
+    study = settings.read_changed(args, "search" if args.number is None else "sample")
     common.check_solver(args, study)
     options = RunOptions(
         workers=args.workers, resume=args.resume, solver=args.solver, mbdae=args.mbdae, mbdyn=args.mbdyn

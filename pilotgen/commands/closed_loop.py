@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 
 if TYPE_CHECKING:
     from pilotgen.closed_loop.deck import ClosedLoop
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Study, -o, --set and --mbdae."""
     common.add_study(parser)
     common.add_output(parser)
-    common.add_settings(parser)
+    settings.add_settings(parser)
     common.add_mbdae(parser)
 
 
@@ -80,7 +80,7 @@ def opened(args: argparse.Namespace, kind: str, writes: Sequence[str], two_way: 
     from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
 
-    study, values = common.read_pilot(args)
+    study, values = settings.read_pilot(args)
     check_study(study)
     with (
         EvaluationContext(study, mbdae=args.mbdae) as context,

@@ -1,4 +1,4 @@
-"""What several commands share: arguments, `--set`, the output directory.
+"""What several commands share: arguments, the output directory, long runs.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -18,15 +18,13 @@ from typing import TYPE_CHECKING, Any
 
 from pilotgen.errors import FileError, StudyError
 from pilotgen.study.fields import MAYO
-from pilotgen.study.schema import locate, study_unit
-from pilotgen.study.study import Study, apply_settings, read_study
+from pilotgen.study.study import Study
 
 if TYPE_CHECKING:
     from pilotgen.evaluation import FailedEvaluation
     from pilotgen.runs.batch import OnProgress, Progress
     from pilotgen.runs.monitor import Monitor
     from pilotgen.runs.options import RunOptions
-    from pilotgen.runs.session import Run
 
 
 def add_command(
@@ -82,20 +80,6 @@ def add_output(parser: argparse.ArgumentParser, required: bool = True, what: str
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="move an existing DIR aside, to DIR.old-1, .old-2, ..., and start anew"
-    )
-
-
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add --set name=value."""
-    parser.add_argument(
-        "--set",
-        dest="settings",
-        metavar="NAME=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="anything this pilot has other than the study says: biometrics by name, all other numbers and words by "
-        "their path, e.g. --set stature_m=1.62 bmi=28 inceptor.gearing_rad_per_m=0.9 pilot.task=relax",
     )
 
 
@@ -248,36 +232,6 @@ def positive_float(text: str) -> float:
     return value
 
 
-def parse_settings(texts: Sequence[str]) -> dict[str, str]:
-    """`["a=1", "b=2"]` -> `{"a": "1", "b": "2"}`."""
-    settings: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip() or not value.strip():
-            raise StudyError(f"--set {text}: NAME=VALUE is wanted, e.g. --set stature_m=1.80")
-        if name.strip() in settings:
-            raise StudyError(f"--set {name.strip()} is given twice; keep one")
-        settings[name.strip()] = value.strip()
-    return settings
-
-
-def read_pilot(args: argparse.Namespace) -> tuple[Study, dict[str, Any]]:
-    """Study and values of the one pilot that STUDY.yaml and --set name; says what lies outside the study's box."""
-    study = read_study(args.study)
-    settings = parse_settings(args.settings)
-    for name in settings:
-        if name.startswith("search."):
-            raise StudyError(f"--set {name}: how a search goes means nothing for one pilot; change it in {args.study}")
-    changed, values = apply_settings(study, settings)
-    given = {locate(name): values[name.removeprefix("nominal.")] for name in settings}
-    for name, (low, high) in study.search.variables.items():
-        value = given.get(locate(name))
-        if isinstance(value, int | float) and not low <= value <= high:
-            unit = f" {study_unit(name)}".rstrip()
-            say(f"{name} = {value:g}{unit} is outside the study's search box, {low:g} to {high:g}{unit}")
-    return changed, values
-
-
 def run_options(args: argparse.Namespace, study: Study) -> RunOptions:
     """The options of a long run, as `add_workers` and `add_solver` declare them."""
     from pilotgen.runs.options import RunOptions
@@ -396,49 +350,6 @@ def memory_text(progress: Progress) -> str:
     """`, 93 MB for the largest`, or nothing."""
     size = progress.worker_memory_bytes
     return f", {size / 1e6:.0f} MB for the largest" if size else ""
-
-
-def run_summary(study_path: Path, done: Run, solver: str, worst: int = 10) -> dict[str, Any]:
-    """What a search or a sample prints with --json: counts, files, its worst pilots, failures by reason."""
-    from pilotgen.objectives import OBJECTIVES
-    from pilotgen.population.region import beyond, that_way
-    from pilotgen.report import findings
-    from pilotgen.runs.batch import failures_by_reason, replay_command
-    from pilotgen.runs.results import DISTANCE, read_results
-
-    results, progress = read_results(done.path), done.progress
-    columns = results.columns
-    pilots = [
-        {
-            "values": dict(zip(results.names, columns["inputs"][k].tolist(), strict=True)),
-            "stable": bool(columns["stable"][k] == 1),
-            **{key: float(columns[key][k]) for key in OBJECTIVES},
-        }
-        for k in findings.distinct(results, findings.worst_order(results), worst)
-    ]
-    if DISTANCE in columns:
-        for pilot, k in zip(pilots, findings.distinct(results, findings.worst_order(results), worst), strict=True):
-            away = float(columns[DISTANCE][k])
-            pilot["how_rare"] = {DISTANCE: away, "share_beyond": beyond(away), "share_that_way": that_way(away)}
-    report = done.path.with_name("report.html")
-    return {
-        "results": done.path,
-        "report": report if report.exists() else None,
-        "stopped_by": done.stopped_by,
-        "done": progress.done,
-        "evaluated": progress.evaluated,
-        "served": progress.served,
-        "failed": progress.failed,
-        "unstable": progress.unstable,
-        "cpu_s": progress.cpu_s,
-        "worker_memory_bytes": progress.worker_memory_bytes,
-        "worst": pilots,
-        "failures": [
-            {"stage": stage, "reason": reason, "count": count,
-             "again": replay_command(str(study_path), example["values"], solver)}
-            for stage, reason, count, example in failures_by_reason(done.results)
-        ],
-    }  # fmt: skip
 
 
 def print_json(data: Any) -> None:

@@ -11,14 +11,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.files import to_json
+from pilotgen.output import STUDY_NAME
 
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
 
 STILL_MM = 0.1  # swing of the grip at the end of a motion, above which it goes on
-WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map*.png", "journal.sqlite*")
+WRITES = ("cures.json", "cured.yaml", "cures.png", "cure_map*.png", "journal.sqlite*", STUDY_NAME)
 
 
 def add_parser(commands: Any) -> None:
@@ -36,6 +37,7 @@ def add_parser(commands: Any) -> None:
         json_help="print cures.json instead of tables",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     common.add_output(parser)
     parser.add_argument(
         "--only", metavar="CURE", nargs="+", default=[], help="these cures alone (docs/io_formats/cures.md)"
@@ -78,9 +80,8 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.runs.cures_study import cures_study
-    from pilotgen.study.study import read_study
 
-    study = read_study(args.study)
+    study = settings.read_changed(args, "cures")
     options = common.run_options(args, study)
 
     def told(progress: Progress) -> str:

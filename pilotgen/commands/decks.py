@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 
 
 def add_parser(commands: Any) -> None:
@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
     )
     common.add_study(parser)
     common.add_output(parser)
-    common.add_settings(parser)
+    settings.add_settings(parser)
     common.add_mbdae(parser)
     parser.set_defaults(run=run)
 
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.evaluation import DECK_NAMES, write_decks
     from pilotgen.output import claimed
 
-    study, values = common.read_pilot(args)
+    study, values = settings.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(f"{args.study}: pilot.model = {study.pilot.model!r} has no decks; only multibody pilots have")
     with (

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.files import to_json, write_text
 
 
@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> None:
     )
     common.add_study(parser)
     common.add_output(parser)
-    common.add_settings(parser)
+    settings.add_settings(parser)
     parser.add_argument(
         "--method",
         dest="methods",
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         write_identification,
     )
 
-    study, values = common.read_pilot(args)
+    study, values = settings.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(
             f"{args.study}: pilot.model = {study.pilot.model!r} has no body to simulate; use a multibody pilot"

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.errors import StudyError
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> None:
     )
     common.add_study(parser)
     common.add_output(parser)
-    common.add_settings(parser)
+    settings.add_settings(parser)
     common.add_workers(parser, "draws of --uncertain")
     common.add_solver(parser)
     common.add_fail_below(parser)
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         given = getattr(args, name)
         if not (args.uncertain or given is None or given is False or given == "processes"):
             raise StudyError(f"{option} is for --uncertain; add that, or leave {option} out")
-    study, values = common.read_pilot(args)
+    study, values = settings.read_pilot(args)
     options = common.run_options(args, study)
     if args.uncertain:
         from pilotgen.uncertain.draws import Draws

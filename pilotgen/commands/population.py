@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.errors import StudyError
 from pilotgen.files import to_json
 from pilotgen.objectives import OBJECTIVES
@@ -34,6 +34,7 @@ def add_parser(commands: Any) -> None:
         json_help="print population.json instead of sentences",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     common.add_output(parser)
     parser.add_argument(
         "-n", "--number", metavar="N", type=common.positive_int, required=True, help="how many people; at most, with "
@@ -80,9 +81,8 @@ def run(args: argparse.Namespace) -> int:
     pin_threads()
     from pilotgen.runs.population_study import FILES, population_study
     from pilotgen.runs.rare_study import RESULT_NAME, rare_study
-    from pilotgen.study.study import read_study
 
-    study = read_study(args.study)
+    study = settings.read_changed(args, "population")
     options = common.run_options(args, study)
     if args.rare is not None and args.until_width is not None:
         raise StudyError("--until-width is for people counted one by one; leave it or --rare out")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 
 FIGURE_NAME = "rotorcraft-bode.png"
 
@@ -24,19 +24,26 @@ def add_parser(commands: Any) -> None:
         "pilotgen rotorcraft iar330-puma -o results/puma",
     )
     parser.add_argument("name", metavar="NAME", help="bundled rotorcraft or a study file (.yaml)")
+    settings.add_settings(
+        parser,
+        "what the rotorcraft of a study file has other than it says, by path, e.g. --set rotorcraft.delay_s=0.05",
+    )
     common.add_output(parser, required=False, what="the Bode figure")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the report; with -o, draw the figure."""
+    from pilotgen.errors import StudyError
     from pilotgen.loop.rotorcraft_report import as_data, describe, usual_loop
     from pilotgen.study.rotorcraft import load_rotorcraft
-    from pilotgen.study.study import read_study
 
     if args.name.endswith((".yaml", ".yml")):
-        study = read_study(args.name)
+        args.study = args.name
+        study = settings.read_changed(args, "rotorcraft")
         rotorcraft, ends = study.rotorcraft, study.loop
+    elif args.settings:
+        raise StudyError(f"--set changes the rotorcraft of a study file, and {args.name} is none; give STUDY.yaml")
     else:
         rotorcraft = load_rotorcraft(args.name)
         ends = usual_loop(rotorcraft)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 
 if TYPE_CHECKING:
     from pilotgen.runs.batch import Progress
@@ -27,6 +27,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen sample docs/studies/puma-bmi.yaml -n 4096 -o results/sample",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     common.add_output(parser)
     parser.add_argument("-n", "--number", metavar="N", type=common.positive_int, required=True, help="how many pilots")
     parser.add_argument(
@@ -50,11 +51,11 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
+    from pilotgen.commands.search import below_in_study, run_summary
     from pilotgen.output import STUDY_FILES
     from pilotgen.runs.sample_study import sample_study
-    from pilotgen.study.study import read_study
 
-    study = read_study(args.study)
+    study = settings.read_changed(args, "sample")
     options = common.run_options(args, study)
 
     def told(progress: Progress) -> str:
@@ -63,14 +64,12 @@ def run(args: argparse.Namespace) -> int:
     with common.long_run(args, "sample", STUDY_FILES, study, told) as (directory, show, say):
         done = sample_study(study, directory, args.number, args.method, args.seed, options, show, say)
     if args.json:
-        common.print_json(common.run_summary(args.study, done, options.solver))
+        common.print_json(run_summary(args, done))
     else:
         print_sample(done)
     if not done.any_ok:
         return 2
     if args.fail_below:
-        from pilotgen.commands.search import below_in_study
-
         return common.told_below(below_in_study(done.path, study.limits))
     return 0
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.errors import IncompleteOutput
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def add_parser(commands: Any) -> None:
         "pilotgen search docs/studies/quick.yaml -o results/quick --workers 2",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     common.add_output(parser)
     common.add_workers(parser)
     common.add_solver(parser)
@@ -59,9 +60,8 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.output import STUDY_FILES, claimed
     from pilotgen.progress_line import ProgressLine
     from pilotgen.runs.search_study import search_study
-    from pilotgen.study.study import read_study
 
-    study = read_study(args.study)
+    study = settings.read_changed(args, "search")
     if args.extend:
         args.resume = True
     options = common.run_options(args, study)
@@ -92,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
             except IncompleteOutput as problem:
                 incomplete = problem
         if args.json:
-            common.print_json(common.run_summary(args.study, done, options.solver))
+            common.print_json(run_summary(args, done))
         else:
-            print_worst(study, args.study, done, options.solver)
+            print_worst(args, study, done)
     if incomplete is not None:
         raise incomplete
     if not done.any_ok:
@@ -126,6 +126,49 @@ def below_in_study(path: Path, limits: Mapping[str, float | None]) -> list[str]:
     return pilots_below_limits(read_results(path), limits)
 
 
+def run_summary(args: argparse.Namespace, done: Run, worst: int = 10) -> dict[str, Any]:
+    """What a search or a sample prints with --json: counts, files, its worst pilots, failures by reason."""
+    from pilotgen.objectives import OBJECTIVES
+    from pilotgen.population.region import beyond, that_way
+    from pilotgen.report import findings
+    from pilotgen.runs.batch import failures_by_reason
+    from pilotgen.runs.results import DISTANCE, read_results
+
+    results, progress = read_results(done.path), done.progress
+    columns = results.columns
+    pilots = [
+        {
+            "values": dict(zip(results.names, columns["inputs"][k].tolist(), strict=True)),
+            "stable": bool(columns["stable"][k] == 1),
+            **{key: float(columns[key][k]) for key in OBJECTIVES},
+        }
+        for k in findings.distinct(results, findings.worst_order(results), worst)
+    ]
+    if DISTANCE in columns:
+        for pilot, k in zip(pilots, findings.distinct(results, findings.worst_order(results), worst), strict=True):
+            away = float(columns[DISTANCE][k])
+            pilot["how_rare"] = {DISTANCE: away, "share_beyond": beyond(away), "share_that_way": that_way(away)}
+    report = done.path.with_name("report.html")
+    return {
+        "results": done.path,
+        "report": report if getattr(args, "no_report", True) is False else None,
+        "stopped_by": done.stopped_by,
+        "done": progress.done,
+        "evaluated": progress.evaluated,
+        "served": progress.served,
+        "failed": progress.failed,
+        "unstable": progress.unstable,
+        "cpu_s": progress.cpu_s,
+        "worker_memory_bytes": progress.worker_memory_bytes,
+        "worst": pilots,
+        "failures": [
+            {"stage": stage, "reason": reason, "count": count,
+             "again": settings.again(args, example["values"], args.solver, stage == "uncertain")}
+            for stage, reason, count, example in failures_by_reason(done.results)
+        ],
+    }  # fmt: skip
+
+
 def progress_parts(progress: Progress, left: str) -> list[str]:
     """`smallest GM 1.82 dB, PM 34.1 deg`, `at most 0:12 left`, `generation 3/30`, `412 evaluations, 2 failed`."""
     from pilotgen.objectives import objective
@@ -141,10 +184,10 @@ def progress_parts(progress: Progress, left: str) -> list[str]:
     ]
 
 
-def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:
+def print_worst(args: argparse.Namespace, study: Study, done: Run) -> None:
     """Print the worst pilots of study.h5, how rare the worst is, the failures by reason, and where everything is."""
     from pilotgen.report import findings
-    from pilotgen.runs.batch import failures_by_reason, replay_command
+    from pilotgen.runs.batch import failures_by_reason
     from pilotgen.runs.results import read_results
 
     results = read_results(done.path)
@@ -160,10 +203,10 @@ def print_worst(study: Study, study_path: Path, done: Run, solver: str) -> None:
     for stage, reason, count, example in failures_by_reason(done.results)[:5]:
         print(f"  {count} failed at {stage}, e.g. {reason}")
         draws = f" --uncertain -n {study.uncertain['draws']}" if stage == "uncertain" else ""
-        print(f"    again with: {replay_command(str(study_path), example['values'], solver)}{draws}")
+        print(f"    again with: {settings.again(args, example['values'], args.solver, bool(draws))}{draws}")
     print(f"results: {done.path}")
     report = done.path.with_name("report.html")
-    if report.exists():
+    if not args.no_report:
         print(f"report:  {report}")
     sys.stdout.flush()
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.files import to_json
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def add_parser(commands: Any) -> None:
         json_help="print sensitivity.json instead of tables",
     )
     common.add_study(parser)
+    settings.add_settings(parser, settings.MANY_PILOTS)
     common.add_output(parser)
     parser.add_argument(
         "-n",
@@ -77,9 +78,8 @@ def run(args: argparse.Namespace) -> int:
 
     pin_threads()
     from pilotgen.runs.sensitivity_study import FILES, sensitivity_study
-    from pilotgen.study.study import read_study
 
-    study = read_study(args.study)
+    study = settings.read_changed(args, "sensitivity")
     options = common.run_options(args, study)
 
     def told(progress: Progress) -> str:

@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Any
 
-from pilotgen.commands import common
+from pilotgen.commands import common, settings
 from pilotgen.files import to_json, write_text
 
 
@@ -27,7 +27,7 @@ def add_parser(commands: Any) -> None:
     )
     common.add_study(parser)
     common.add_output(parser)
-    common.add_settings(parser)
+    settings.add_settings(parser)
     common.add_mbdae(parser)
     parser.add_argument("--no-figures", action="store_true", help="do not draw the figure")
     parser.set_defaults(run=run)
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.output import claimed
     from pilotgen.virtual.seat_vibration import report, seat_vibration
 
-    study, values = common.read_pilot(args)
+    study, values = settings.read_pilot(args)
     if study.pilot.model != "multibody":
         raise StudyError(f"{args.study}: pilot.model = {study.pilot.model!r} has no torso; use a multibody pilot")
     with (

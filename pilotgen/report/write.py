@@ -17,6 +17,7 @@ from pilotgen.evaluation import PILOT_DECK, Evaluation, evaluate
 from pilotgen.figures.study import Curve
 from pilotgen.files import write_text
 from pilotgen.objectives import MARGINS, OBJECTIVES
+from pilotgen.output import STUDY_NAME
 from pilotgen.report import decks, findings, page
 from pilotgen.report.choose import shown_whole
 from pilotgen.report.others import Section
@@ -29,7 +30,6 @@ from pilotgen.study.schema import is_whole
 from pilotgen.study.study import Study
 
 REPORT_NAME = "report.html"
-STUDY_NAME = "study.yaml"
 CURVE_POINTS = 15  # pilots per variable of the one-at-a-time curves
 
 

@@ -15,6 +15,7 @@ from typing import IO, Any
 from pilotgen.errors import FileError, StudyError
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES
+from pilotgen.output import STUDY_NAME
 from pilotgen.population.population import LeftOut, Person, population_of
 from pilotgen.population.tally import Tally, sentences, signed
 from pilotgen.runs.batch import OnProgress, Progress
@@ -27,7 +28,7 @@ CHUNK = 500  # people in memory at a time, and between two looks at the interval
 KIND = "population"
 RESULT_NAME, PEOPLE_NAME = "population.json", "people.csv"
 FILES = (  # in its directory
-    RESULT_NAME, "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "population-*.png", "journal.sqlite*",
+    RESULT_NAME, "rare.json", PEOPLE_NAME, f"{PEOPLE_NAME}.part", "population-*.png", "journal.sqlite*", STUDY_NAME,
 )  # fmt: skip
 FILETYPE, VERSION = "pilotgen population", 1
 

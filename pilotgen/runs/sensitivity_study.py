@@ -15,6 +15,7 @@ import numpy as np
 
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import FOR_SENSITIVITY, OBJECTIVES
+from pilotgen.output import STUDY_NAME
 from pilotgen.population.tally import signed
 from pilotgen.runs.batch import Batch, OnProgress, Progress
 from pilotgen.runs.options import RunOptions
@@ -29,7 +30,7 @@ from pilotgen.study.study import Study
 CHUNK = 1000  # pilots in memory at a time
 KIND = "sensitivity"
 RESULT_NAME = "sensitivity.json"
-FILES = (RESULT_NAME, "sensitivity-*.png", "journal.sqlite*")  # in its directory
+FILES = (RESULT_NAME, "sensitivity-*.png", "journal.sqlite*", STUDY_NAME)  # in its directory
 FILETYPE, VERSION = "pilotgen sensitivity", 1
 METHODS = ("sobol", "morris", "surrogate", "anova")
 STEP = 0.01  # of a slope, of the number's range in the study

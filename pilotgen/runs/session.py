@@ -17,7 +17,9 @@ from typing import Any
 
 from pilotgen import __version__
 from pilotgen.errors import FileError
+from pilotgen.files import write_text
 from pilotgen.objectives import OBJECTIVES
+from pilotgen.output import STUDY_NAME
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
 from pilotgen.runs.changes import UNCERTAIN, refuse_changes
@@ -250,6 +252,7 @@ def _go_on(directory: Path, study: Study, kind: str, print_hash: str, journal: J
     for name, value in (("study_text", study.text), ("study_name", study.name), ("fingerprint", print_hash)):
         if journal.get_meta(name) != value:
             journal.set_meta(name, value)
+    write_text(directory / STUDY_NAME, study.text)
 
 
 def _keep_aside(path: Path) -> Path:

@@ -21,6 +21,7 @@ from pilotgen.evaluation import Evaluation, FailedEvaluation
 from pilotgen.files import to_json, write_text
 from pilotgen.linear.statespace import ComplexArray
 from pilotgen.objectives import OBJECTIVES
+from pilotgen.output import STUDY_NAME
 from pilotgen.population.tally import signed
 from pilotgen.runs.batch import OnProgress, Progress
 from pilotgen.runs.changes import UNCERTAIN, refuse_changes
@@ -38,7 +39,7 @@ from pilotgen.uncertain.draws import Draws
 from pilotgen.uncertain.spread import answer, sentences, spread_of
 
 RESULT_NAME, DRAWS_NAME = "uncertain.json", "uncertain.csv"
-FILES = (RESULT_NAME, DRAWS_NAME, "journal.sqlite*")  # in its directory
+FILES = (RESULT_NAME, DRAWS_NAME, "journal.sqlite*", STUDY_NAME)  # in its directory
 CHUNK = 500  # draws between two milestones
 RESPONSES = "responses"  # key of a draw's grip motion and loop beside his result object
 FILETYPE, VERSION = "pilotgen uncertain", 1

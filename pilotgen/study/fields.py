@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -460,6 +460,8 @@ def shown(data: Any) -> str:
         text = f"{data:.12g}"
     elif isinstance(data, list):
         text = f"[{', '.join(shown(entry) for entry in data[:8])}]"
+    elif isinstance(data, Mapping):
+        text = f"{{{', '.join(f'{key}: {shown(entry)}' for key, entry in data.items() if entry is not None)}}}"
     else:
         text = repr(data)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -61,7 +61,7 @@ def population_from(data: str | Mapping[str, Any] | None) -> dict[str, Any]:
     if who is None:
         if any(value is not None for value in found.values()):
             choices = ", ".join((*BUNDLED, MIX, OWN, FILE))
-            raise Mistake("population", "a mapping", f"lacks the key people; choose one of: {choices}")
+            raise Mistake("population", dict(given), f"lacks the key people; choose one of: {choices}")
         return found
     for people, key in _NEEDS.items():
         if people == who and found[key] is None:
@@ -84,7 +84,7 @@ def _own(given: Mapping[str, Any]) -> dict[str, Any]:
     missing = [f"mean.{name}" for name in QUANTITIES if mean.get(name) is None]
     missing += ["covariance"] if covariance is None else []
     if missing:
-        raise Mistake("population.own", "a mapping", f"lacks {', '.join(missing)}; add it")
+        raise Mistake("population.own", dict(given), f"lacks {', '.join(missing)}; add it")
     usual = {"age_years": "normal", "stature_m": "normal", "mass_kg": "lognormal"}
     return {"mean": mean, "covariance": covariance, "marginals": {**usual, **(given.get("marginals") or {})}}
 
@@ -137,7 +137,7 @@ def check_within(within: Mapping[str, Any] | None, population: Mapping[str, Any]
         return
     who = within["population"] or population["people"]
     if who is None:
-        raise Mistake("search.within", "a mapping", f"names no population; choose one of: {', '.join(BUNDLED)}")
+        raise Mistake("search.within", dict(within), f"names no population; choose one of: {', '.join(BUNDLED)}")
     wanted = {"ansur2-men": "male", "ansur2-women": "female"}.get(who, sex)
     if wanted != sex:
         raise Mistake("search.within.population", who, f"does not go with pilot.sex = {sex!r}; write sex: {wanted}")

@@ -341,7 +341,9 @@ def locate(name: str) -> tuple[str, int | None]:
     if f"nominal.{path}" in SCHEMA:
         path = f"nominal.{path}"
     row = SCHEMA.get(path)
-    if isinstance(row, ByName | Groups):
+    if isinstance(row, ByName | Groups) or (
+        row is None and any(isinstance(one, ByName) and path.startswith(f"{name}.") for name, one in SCHEMA.items())
+    ):
         raise StudyError("is not one number or word; change it in the study file")
     if row is None or (isinstance(row, Section) and not (row.null or row.words)):
         if isinstance(row, Section):

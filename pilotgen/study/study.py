@@ -42,7 +42,6 @@ from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,
     bundled,
-    plain_scalar,
     read_yaml,
     yaml_from_text,
     yaml_text,
@@ -212,7 +211,7 @@ class Study:
             rotorcraft["source"] += f"; changed: {', '.join(others)}" if others else ""
         changed = {_ATTRIBUTE.get(section, section): MAKERS[section](tree) for section, tree in trees.items()}
         study = dataclasses.replace(self, **changed)
-        _check_together(study)
+        check_together(study)
         if "uncertain" in trees or "search" in trees:
             check_uncertainty(study)
         for path, data in changes.items():
@@ -311,22 +310,6 @@ def study_from_text(text: str, name: str = "study.yaml") -> Study:
     return _study(yaml_from_text(text, name))
 
 
-def apply_settings(study: Study, settings: Mapping[str, str]) -> tuple[Study, dict[str, Any]]:
-    """Return the study and the values of one pilot with `--set name=value` changes.
-
-    Values outside the study's search bounds are welcome, values outside the limits of the schema are not.
-
-    Returns
-    -------
-    tuple
-        The changed study, and `study.values(changes)`: the pilot's own values and every other change by its path.
-    """
-    changes = {name: _from_text(name, text) for name, text in settings.items()}
-    changed, own = study.with_values(changes, say=lambda name, _: f"--set {name}={settings[name]}")
-    others = {name: data for name, data in changes.items() if locate(name)[0].partition(".")[0] != "nominal"}
-    return changed, {**own, **others}
-
-
 def _study(document: YamlDocument) -> Study:
     problems = Problems()
     tree = read_tree(document, problems)
@@ -342,7 +325,7 @@ def _study(document: YamlDocument) -> Study:
     problems.tell()
     study = Study(**parts, text=text, path=document.name, lines=dict(document.lines))
     try:
-        _check_together(study)
+        check_together(study)
         check_uncertainty(study)
         _check_torso(study, tree)
     except Mistake as mistake:
@@ -391,22 +374,13 @@ def _differences(data: Mapping[str, Any], usual: Mapping[str, Any], path: str, m
     return found
 
 
-def _from_text(name: str, text: str) -> Any:
-    if text.lstrip().startswith("["):
-        try:
-            return yaml_from_text(text, "").value
-        except StudyError:
-            raise StudyError(f"--set {name}={text}: a list is written [a, b, c]; check brackets and commas") from None
-    return plain_scalar(text.strip())
-
-
 # ---- from checked data to the parts of a study -----------------------------------------------------------------------
 
 
 _ATTRIBUTE = {"study": "name"}  # where the attribute of `Study` is not called as the key
 
 
-def _check_together(study: Study) -> None:
+def check_together(study: Study) -> None:
     """Raise Mistake if sections that are right one by one contradict each other."""
     if not set(study.nominal) <= set(PILOT_VALUES[study.pilot.model]):
         raise Mistake("nominal", study.nominal, f"is no pilot of pilot.model = {study.pilot.model!r}")

@@ -304,7 +304,7 @@ def uncertain_from(data: str | Mapping[str, Any] | None) -> dict[str, Any]:
     given: Mapping[str, Any] = {"sets": (data,)} if isinstance(data, str) else data or {}
     found = {"sets": (), "variables": None, "correlated": None, "draws": 40, "seed": 1, **given}
     if given and not found["sets"] and not found["variables"]:
-        raise Mistake("uncertain", "a mapping", f"says of nothing that it is uncertain; add sets ({', '.join(SETS)}) "
+        raise Mistake("uncertain", dict(given), f"says of nothing that it is uncertain; add sets ({', '.join(SETS)}) "
                       "or variables")  # fmt: skip
     return found
 

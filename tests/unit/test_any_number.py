@@ -319,7 +319,7 @@ def test_a_part_that_a_study_lacks_is_given_whole_or_not_at_all() -> None:
     ):
         STUDY.with_values({"rotorcraft.actuator.damping": 0.7})
     with pytest.raises(
-        StudyError, match="population.own.mean.mass_kg = 70: population = 'a mapping' lacks the key people"
+        StudyError, match="mean.mass_kg = 70: population = {own: {mean: {mass_kg: 70}}} lacks the key people"
     ):
         STUDY.with_values({"population.own.mean.mass_kg": 70.0})
 
@@ -375,7 +375,7 @@ def test_set_beyond_the_box_is_noted_and_search_settings_are_refused(
     assert main([*options, str(tmp_path / "c"), "--set", "cockpit.lever.grip_m=[0.3"]) == 1
     assert "--set cockpit.lever.grip_m=[0.3: a list is written [a, b, c]" in capsys.readouterr().err
     assert main([*options, str(tmp_path / "c"), "--set", "search.population=8"]) == 1
-    assert "--set search.population: how a search goes means nothing for one pilot" in capsys.readouterr().err
+    assert "--set search.population=8 would do nothing: `pilotgen pilot` makes no use of it" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
 
 

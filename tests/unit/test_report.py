@@ -24,7 +24,7 @@ from pilotgen.report.decks import MOST_DECKS, choose_front
 from pilotgen.runs.batch import Progress
 from pilotgen.runs.monitor import Monitor
 from pilotgen.runs.results import StudyResults
-from pilotgen.study.study import apply_settings
+from pilotgen.study.settings import apply_settings
 
 PIXEL = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAG7buVgAAAABJRU5ErkJggg=="
 VOID = {"meta", "img", "br", "hr", "link", "input"}

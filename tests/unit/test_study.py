@@ -21,7 +21,8 @@ from pilotgen.study.cockpit_numbers import cockpit_numbers
 from pilotgen.study.fields import Choice, Number, Section, Truth, Vector, Whole, Words
 from pilotgen.study.schema import SCHEMA
 from pilotgen.study.sections import Inceptor
-from pilotgen.study.study import Study, apply_settings, read_study, study_from_text
+from pilotgen.study.settings import apply_settings
+from pilotgen.study.study import Study, read_study, study_from_text
 from pilotgen.study.torso_numbers import torso_from
 from pilotgen.study.yaml_file import bundled
 
