@@ -24,9 +24,10 @@ from pilotgen.evaluation import feedthrough_of
 from pilotgen.loop.heave_model import HeaveModel
 from pilotgen.loop.loop import heave_loop
 from pilotgen.loop.margins import margins
-from pilotgen.loop.rotorcraft_model import Chained, RotorcraftModel, measured_part
+from pilotgen.loop.rotorcraft_model import Chained, RotorcraftModel, measured_part, rotorcraft_model
 from pilotgen.solver.descriptor import Complexes
 from pilotgen.solver.matrices import Matrices
+from pilotgen.study.study import Study
 
 CERTIFIED = 1e-8  # relative difference of poles that the two ways may have
 _FAR = 1e6  # rad/s; beyond are the infinite eigenvalues of constraints
@@ -105,6 +106,16 @@ def why_unstable(helicopter: RotorcraftModel) -> str | None:
     if data is not None:
         return f"{data.path} says unstable_poles: {data.unstable_poles}" if data.unstable_poles else None
     return _growing(helicopter.state_space.poles)
+
+
+def check_rotorcraft(study: Study, so: str) -> None:
+    """Refuse an unstable rotorcraft before any pilot is solved, saying `so`, what that makes impossible; StudyError.
+
+    Pilots who are unstable by themselves: `check_open_loop`.
+    """
+    why = why_unstable(rotorcraft_model(study.rotorcraft, study.loop.input, study.loop.output))
+    if why is not None:
+        raise StudyError(f"{study.path or study.name}: the rotorcraft is unstable by itself: {why}; {so}")
 
 
 def open_loop_note(loop: ClosedLoop) -> str | None:

@@ -54,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 @contextmanager
-def opened(args: argparse.Namespace, kind: str, writes: Sequence[str], two_way: bool = False) -> Iterator[Opened]:
+def opened(
+    args: argparse.Namespace, kind: str, writes: Sequence[str], two_way: bool = False, unstable: str | None = None
+) -> Iterator[Opened]:
     """Read the study of `add_arguments`, claim the directory, solve the pilot and close his loop.
 
     Parameters
@@ -67,23 +69,32 @@ def opened(args: argparse.Namespace, kind: str, writes: Sequence[str], two_way: 
         What it leaves besides `WRITES`.
     two_way : bool
         Whether the pilot's reaction acts on the rotorcraft.
+    unstable : str, optional
+        What a loop that is unstable even when it is cut makes impossible; such a loop is refused.
 
     Raises
     ------
     StudyError
-        A study that no deck of a closed loop holds; told before the directory is touched.
+        A study that no deck of a closed loop holds, or an unstable rotorcraft: told before the directory is touched.
+        A pilot who is unstable by himself.
     """
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
     from pilotgen.closed_loop.deck import check_study, close_in_deck
+    from pilotgen.closed_loop.poles import check_open_loop, check_rotorcraft
     from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
 
     study, values = settings.read_pilot(args)
     check_study(study)
+    if unstable is not None:
+        check_rotorcraft(study, unstable)
     with (
         EvaluationContext(study, mbdae=args.mbdae) as context,
         claimed(args.output, kind, (*WRITES, *writes), overwrite=args.overwrite) as directory,
     ):
-        yield Opened(study, values, context, directory, close_in_deck(context, values, directory, two_way=two_way))
+        loop = close_in_deck(context, values, directory, two_way=two_way)
+        if unstable is not None:
+            check_open_loop(loop, unstable)
+        yield Opened(study, values, context, directory, loop)

@@ -13,6 +13,10 @@ from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
 WRITES = ("limit_cycles.json", "growth.png", "nyquist.png", "onset.png")
+NO_CYCLE = (
+    "a lever that friction holds cuts the loop, so that no swing of it dies; give the rotorcraft with what stabilises "
+    "it, or look at one motion with pilotgen simulate"
+)
 
 
 def add_parser(commands: Any) -> None:
@@ -71,7 +75,6 @@ def run(args: argparse.Namespace) -> int:
     """Balance, verify, write, print."""
     from pilotgen.closed_loop.deck import friction_of
     from pilotgen.closed_loop.limit_cycles import as_dict, balanced, onset_map, report_text
-    from pilotgen.closed_loop.poles import check_open_loop
     from pilotgen.closed_loop.swing_model import SwingModel
     from pilotgen.closed_loop.threshold import threshold
     from pilotgen.cures.friction import LEVELS_N
@@ -81,13 +84,8 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.map and (args.frictions or args.gearings):
         raise StudyError("--frictions and --gearings are of the map; add --map, or leave them out")
-    with closed_loop.opened(args, "limit-cycles", WRITES) as opened:
+    with closed_loop.opened(args, "limit-cycles", WRITES, unstable=NO_CYCLE) as opened:
         study, context, directory, loop = opened.study, opened.context, opened.directory, opened.loop
-        check_open_loop(
-            loop,
-            "a lever that friction holds cuts the loop, so that no swing of it dies; give the rotorcraft with what "
-            "stabilises it, or look at one motion with pilotgen simulate",
-        )
         line = ProgressLine(total=0, quiet=args.quiet or args.json)
         try:
             friction = friction_of(loop.study)

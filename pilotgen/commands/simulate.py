@@ -14,6 +14,10 @@ from pilotgen.files import to_json, write_text
 
 LONGEST_S = 1000.0  # of a motion: a million rows of 1 ms
 WRITES = ("simulation.json", "history.png", "onset.png")
+NO_CHANCE = (
+    "every kick of such a loop goes on, so that --kicks has no chance to tell; leave it out and look at one motion, or "
+    "give the rotorcraft with what stabilises it"
+)
 
 
 def add_parser(commands: Any) -> None:
@@ -81,7 +85,7 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Integrate, fit, write, print."""
     from pilotgen.closed_loop.animation import write_animation
-    from pilotgen.closed_loop.poles import check_open_loop, open_loop_note
+    from pilotgen.closed_loop.poles import open_loop_note
     from pilotgen.closed_loop.reach import check_kick, check_reach
     from pilotgen.closed_loop.simulate import KICKS, kicked, onset, report_text
     from pilotgen.errors import StudyError
@@ -106,15 +110,11 @@ def run(args: argparse.Namespace) -> int:
         least = "above zero" if size else "above or below zero"
         of = "a root mean square" if args.kick == "turbulence" or args.kicks is not None else "a kick"
         raise StudyError(f"--size {size:g}: {of} {least} is wanted")
-    with closed_loop.opened(args, "simulate", WRITES, args.two_way) as opened:
+    with closed_loop.opened(
+        args, "simulate", WRITES, args.two_way, None if args.kicks is None else NO_CHANCE
+    ) as opened:
         study, context, directory, loop = opened.study, opened.context, opened.directory, opened.loop
         check_kick(loop, args.kick, size)
-        if args.kicks is not None:
-            check_open_loop(
-                loop,
-                "every kick of such a loop goes on, so that --kicks has no chance to tell; leave it out and look at "
-                "one motion, or give the rotorcraft with what stabilises it",
-            )
         note = open_loop_note(loop)
         if note:
             common.say(note)

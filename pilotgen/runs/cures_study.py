@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.closed_loop.poles import why_unstable
+from pilotgen.closed_loop.poles import check_rotorcraft
 from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.friction import SWING_MM
 from pilotgen.cures.optimum import Optimum, cheapest
 from pilotgen.errors import StudyError
 from pilotgen.files import to_json, write_text
-from pilotgen.loop.rotorcraft_model import rotorcraft_model
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.population.shares import Share
 from pilotgen.runs.batch import OnProgress, Progress
@@ -52,6 +51,10 @@ HALVINGS = 6  # between two of them, of what is enough: one part in 500 of what 
 ROUNDS = 6  # of proposal and worst pilots bred for it
 TASKS = ("position", "force", "relax")
 TELLING_DB = 0.05  # a cure that buys less is told as buying nothing
+NO_CURE = (
+    "no pilot of it has a margin and no cure gives him one: what weakens his hold on the lever cures bounce and "
+    "nothing of that. Give the rotorcraft with what stabilises it, or a model of its heave alone"
+)
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def cures_study(
     cures = cures_for(study, only, without)
     pairs = map_pairs(study, maps)
     swing_mm = _swing_mm(study, swing_mm, any(cure.key == FRICTION for cure in itertools.chain(cures, *pairs)))
-    check_open_loop(study)
+    check_rotorcraft(study, NO_CURE)
     crowd = _people(study, people)
     progress = Progress()
     with open_batch(study, directory, KIND, options, BREED_POPULATION, on_progress, progress, say) as batch:
@@ -149,17 +152,6 @@ def cures_study(
     write_text(directory / RESULT_NAME, to_json(content))
     write_text(directory / STUDY_NAME, _cured(study, proposal["changes"]).text)
     return CuresRun(content, progress)
-
-
-def check_open_loop(study: Study) -> None:
-    """Refuse a rotorcraft that is unstable before anybody closes a loop around it; StudyError."""
-    why = why_unstable(rotorcraft_model(study.rotorcraft, study.loop.input, study.loop.output))
-    if why is not None:
-        raise StudyError(
-            f"{study.path or study.name}: the rotorcraft is unstable by itself: {why}; no pilot of it has a margin and "
-            "no cure gives him one: what weakens his hold on the lever cures bounce and nothing of that. Give the "
-            "rotorcraft with what stabilises it, or a model of its heave alone"
-        )
 
 
 def _swing_mm(study: Study, given: float | None, friction: bool) -> float:

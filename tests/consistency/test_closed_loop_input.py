@@ -69,14 +69,15 @@ def test_cures_of_a_measured_rotorcraft_are_not_kicked(elsewhere: Path) -> None:
 
 
 def test_an_unstable_rotorcraft(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pole = "the rotorcraft has a pole at +0.15 1/s, 0.157 Hz"
+    pole = "unstable.yaml: the rotorcraft is unstable by itself: a pole at +0.15 1/s, 0.157 Hz; "
     for arguments, wanted in (
         (["limit-cycles"], "a lever that friction holds cuts the loop, so that no swing of it dies"),
         (["simulate", "--kicks", "3"], "every kick of such a loop goes on"),
     ):
         assert main([arguments[0], "../unstable.yaml", "-o", arguments[0], *arguments[1:]]) == 1
         told = capsys.readouterr().err
-        assert pole in told and wanted in told and told.count("\n") == 1
+        assert pole + wanted in told and told.count("\n") == 1
+        assert not Path(arguments[0]).exists()  # refused before any pilot is solved
     assert main(["cures", "../unstable.yaml", "-o", "cures"]) == 1
     assert "unstable by itself: a pole at +0.15 1/s, 0.157 Hz; no pilot of it has a margin" in capsys.readouterr().err
     assert not Path("cures").exists()
