@@ -22,17 +22,18 @@ import scipy.linalg
 from pilotgen.closed_loop.elements import friction_force
 from pilotgen.closed_loop.krylov import broyden, gmres
 from pilotgen.closed_loop.swing import Basis, LimitCycle, Swing, complexes, reals
-from pilotgen.closed_loop.swing_model import LOCK_N_PER_M, Locked, SwingModel
+from pilotgen.closed_loop.swing_model import LOCK_N_PER_M, LinearDeck, SwingModel
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError
 from pilotgen.solver.descriptor import Complexes, Floats
 
 SAMPLES, FINE = 64, 512  # of one period, at least: of the deck, of friction
 PER_HARMONIC = 16  # samples of the deck
+TANGENTS_EVERY = 4  # samples; the averages of slopes are those of fewer
 SLOW = 1e-3  # rad/s, at which the mean motion is balanced: the height has no place of its own
 MUSCLE_HARMONICS = 3  # that Newton's method knows of muscles
 ROUGH, FINAL = 1e-3, 1e-5  # relative change of the last step
-MOST_STEPS, RENEWALS = 10, 2  # of Broyden's method with one matrix, of matrices
+MOST_STEPS, RENEWALS = 10, 8
 SMALL = 0.05  # relative; shorter steps may be longer than the one before, and need no new matrix
 NEWTON_STEPS = 12
 DIFFERENCE = 1e-6  # relative; for slopes
@@ -84,13 +85,11 @@ class HarmonicBalance:
         """
         self.evaluations += 1
         rates = Y * self.exponents(s)
-        left = self.model.deck.along(self._deck.in_time(Y).T, self._deck.in_time(rates).T)
-        return self._with_friction(Y, rates, s, left)
+        return self._with_friction(Y, rates, s, self.model.deck.harmonics(Y, rates, self._deck.samples))
 
-    def _with_friction(self, Y: Complexes, rates: Complexes, s: complex, left: Floats) -> Complexes:
-        """Harmonics of the deck's residuals (samples, n), the lever's friction and what homotopies change added."""
+    def _with_friction(self, Y: Complexes, rates: Complexes, s: complex, R: Complexes) -> Complexes:
+        """Harmonics of the deck's residuals, the lever's friction and what homotopies change added."""
         model, share = self.model, self._share
-        R = self._deck.harmonics(left.T)
         if share != 1.0:
             R = share * R + (1.0 - share) * (model.g_y @ Y + model.g_ydot @ rates)
         if self.friction is not None:
@@ -130,14 +129,14 @@ class HarmonicBalance:
             units[p, (p + 1) // 2] = 1.0 if p % 2 or p == 0 else 1j
         moves, rates = basis.in_time(units), basis.in_time(units * exponents)
         out = np.zeros((len(motions), self.K + 1, m), dtype=complex)
-        stiff, damp = (a - a.mean(axis=1, keepdims=True) for a in model.muscles.slopes_along(x, v))
+        stiff, damp = (a - a[:, ::TANGENTS_EVERY].mean(axis=1, keepdims=True) for a in model.muscles.slopes_along(x, v))
         parts = 2 * low + 1
         response = stiff[:, None, :] * moves[:parts] + damp[:, None, :] * rates[:parts]
         out[1:, :, :parts] = np.moveaxis(basis.harmonics(response), 1, 2)
         if model.stops is not None:
             turned = basis.in_time(Y[model.lever])
             stiffness = model.stops.stiffness(model.travel_m(turned)) / (1.0 + 0.25 * turned * turned)
-            out[0] += basis.harmonics((stiffness - stiffness.mean()) * moves).T
+            out[0] += basis.harmonics((stiffness - stiffness[::TANGENTS_EVERY].mean()) * moves).T
         if self.friction is not None:
             g, rate = Y[model.lever], (Y * exponents)[model.lever]
             friction, step = self.friction, 1e-5 * abs(g[1])
@@ -151,8 +150,10 @@ class HarmonicBalance:
 
     # ---- Newton and Broyden
 
-    def solve(self, start: Swing, amplitude_m: float | None, tolerance: float = FINAL) -> Swing:
+    def solve(self, start: Swing, amplitude_m: float | None, tolerance: float = FINAL, near: bool = True) -> Swing:
         """The swing near another of some amplitude (of the rotation parameter), or of no growth for None.
+
+        If it is not `near`, nothing is spent on the slopes of the residuals themselves.
 
         Raises
         ------
@@ -172,12 +173,16 @@ class HarmonicBalance:
             Y *= np.where(np.arange(self.K + 1) == 0, 1.0, amplitude_m / abs(grip))
             Y[model.lever, 1] = amplitude_m / model.lever_length_m
         before, steady = self.evaluations, amplitude_m is None
+        exact_first = steady and self.K > 1 and self.touches_stop(start)  # stops want the exact slopes
         try:
-            if steady and self.touches_stop(start):
-                raise EvaluationError("harmonic balance", "stops want the exact slopes")
-            Y, s = self._by_broyden(Y, s, steady, tolerance)
-        except EvaluationError:
-            Y, s = self._by_gmres(Y, s, steady, tolerance)
+            Y, s = (self._by_gmres if exact_first else self._by_broyden)(Y, s, steady, tolerance)
+        except EvaluationError as error:
+            if not near:
+                raise
+            try:
+                Y, s = (self._by_broyden if exact_first else self._by_gmres)(Y, s, steady, tolerance)
+            except EvaluationError as other:
+                raise (error if exact_first else other) from None
         return self._swing(Y, s, self.evaluations - before)
 
     def touches_stop(self, swing: Swing) -> bool:
@@ -279,12 +284,13 @@ class HarmonicBalance:
         m, exponents = 2 * K + 1, self.exponents(s)
         rates = Y * exponents
         self.evaluations += 1
-        left, g_y, g_ydot = model.deck.with_tangents(self._deck.in_time(Y).T, self._deck.in_time(rates).T)
-        R = self._with_friction(Y, rates, s, left)
+        R, g_y, g_ydot = model.deck.harmonics_with_tangents(Y, rates, self._deck.samples, TANGENTS_EVERY)
+        R = self._with_friction(Y, rates, s, R)
         if self._share != 1.0:
             g_y = self._share * g_y + (1.0 - self._share) * model.g_y
             g_ydot = self._share * g_ydot + (1.0 - self._share) * model.g_ydot
-        decks = [Locked(g_y, g_ydot, model, complex(each)) for each in exponents]
+        linear = LinearDeck(g_y, g_ydot, model)
+        decks = [linear.at(complex(each)) for each in exponents]
         slopes = self._slopes(Y, s)
         count = len(slopes)
         slopes[0, range(K + 1), [0, *range(1, m, 2)]] -= LOCK_N_PER_M  # the spring that the locked deck has too many
@@ -310,7 +316,7 @@ class HarmonicBalance:
         growing = np.zeros(K + 1)
         growing[1] = 1.0
         turns = [(2, 1j * np.arange(K + 1))] if steady else [(1, growing), (2, 1j * np.arange(K + 1))]
-        by_s = {column: solved(g_ydot @ (Y * turn)) for column, turn in turns}
+        by_s = {column: solved(linear.g_ydot @ (Y * turn)) for column, turn in turns}
         for column, motion in by_s.items():
             J[:, column] = reals(model.C @ motion).ravel()[kept]
         factors = scipy.linalg.lu_factor(J, check_finite=False)
@@ -405,7 +411,7 @@ class HarmonicBalance:
                 return
             goal = amplitude_m if abs(step) >= abs(left) else amplitude_m * math.exp(step - left)
             try:
-                passed.append(self.solve(self._predicted(passed, goal), goal, ROUGH))
+                passed.append(self.solve(self._predicted(passed, goal), goal, ROUGH, abs(step) < 1.5 * least))
                 step *= 2.0
             except EvaluationError:
                 step *= 0.5

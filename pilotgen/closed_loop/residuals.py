@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from pilotgen.closed_loop.swing import complexes, reals
 from pilotgen.context import EvaluationContext
 from pilotgen.errors import EvaluationError
-from pilotgen.solver.descriptor import Floats
+from pilotgen.solver.descriptor import Complexes, Floats
 
 SAMPLES, RESIDUALS = "samples.bin", "residuals.bin"
 DECK = "swing.mbd"
@@ -41,7 +42,7 @@ class DeckResiduals:
         FileError
             Nothing can be written where the solver works.
         """
-        return self._asked(y, ydot, 0).reshape(y.shape)
+        return self._asked(np.concatenate((y, ydot), axis=1), y.size).reshape(y.shape)
 
     def with_tangents(self, y: Floats, ydot: Floats) -> tuple[Floats, Floats, Floats]:
         """The same, and the averages of their derivatives by y and by ydot, shape (n, n) each.
@@ -52,18 +53,50 @@ class DeckResiduals:
             As `along`.
         """
         n = self.unknowns
-        numbers = self._asked(y, ydot, 2 * n * n)
+        numbers = self._asked(np.concatenate((y, ydot), axis=1), y.size + 2 * n * n, tangents=True)
         g_y, g_ydot = numbers[y.size :].reshape(2, n, n)
         return numbers[: y.size].reshape(y.shape), g_y, g_ydot
 
-    def _asked(self, y: Floats, ydot: Floats, more: int) -> Floats:
+    def harmonics(self, Y: Complexes, rates: Complexes, instants: int) -> Complexes:
+        """Harmonics of the residuals along a periodic motion, at instants of a period; all shape (n, K + 1).
+
+        Raises
+        ------
+        EvaluationError
+            As `along`.
+        """
+        motion = np.stack((reals(Y), reals(rates)))
+        size = motion.size // 2
+        numbers = self._asked(motion, size, harmonics=Y.shape[1] - 1, instants=instants)
+        return complexes(numbers.reshape(motion.shape[1:]))
+
+    def harmonics_with_tangents(
+        self, Y: Complexes, rates: Complexes, instants: int, every: int
+    ) -> tuple[Complexes, Floats, Floats]:
+        """The same, and averages of derivatives by y and by ydot over every so many instants, shape (n, n) each.
+
+        Raises
+        ------
+        EvaluationError
+            As `along`.
+        """
+        n = self.unknowns
+        motion = np.stack((reals(Y), reals(rates)))
+        size, count = motion.size // 2, Y.shape[1] - 1
+        numbers = self._asked(
+            motion, size + 2 * n * n, harmonics=count, instants=instants, tangents=True, tangents_every=every
+        )
+        g_y, g_ydot = numbers[size:].reshape(2, n, n)
+        return complexes(numbers[:size].reshape(motion.shape[1:])), g_y, g_ydot
+
+    def _asked(self, motion: Floats, expected: int, **options: int) -> Floats:
         output = f"{self.context.scratch}/{RESIDUALS}"
-        self.context.put(SAMPLES, np.concatenate((y, ydot), axis=1).tobytes())
-        self.context.ask("residuals", self.text, DECK, output, samples=SAMPLES, tangents=more > 0)
+        self.context.put(SAMPLES, motion.tobytes())
+        self.context.ask("residuals", self.text, DECK, output, samples=SAMPLES, **options)
         numbers = np.fromfile(output)
-        if len(numbers) != y.size + more:
+        if len(numbers) != expected:
             raise EvaluationError(
                 "harmonic balance",
-                f"the solver left {len(numbers)} numbers in {output}; {y.size + more} were asked for",
+                f"the solver left {len(numbers)} numbers in {output}; {expected} were asked for",
             )
         return numbers

@@ -80,6 +80,7 @@ class Basis:
     """Harmonics to samples of a period and back."""
 
     def __init__(self, harmonics: int, samples: int) -> None:
+        self.samples = samples
         phases = np.outer(np.arange(harmonics + 1), np.arange(samples) / samples * 2.0 * math.pi)
         self._cos, self._sin = np.cos(phases), np.sin(phases)
         self._back = np.exp(-1j * phases).T * (2.0 / samples)

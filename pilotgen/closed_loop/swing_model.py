@@ -10,7 +10,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import scipy.linalg
+import scipy.sparse
+import scipy.sparse.linalg
 
 from pilotgen.closed_loop.deck import STOP_STIFFNESS_N_PER_M, ClosedLoop
 from pilotgen.closed_loop.elements import GripStops, MuscleLaw
@@ -28,6 +29,7 @@ LOCK_N_PER_M = 1e3  # estimated: a spring at the grip in the preconditioner alon
 class SwingModel:
     """A closed loop's deck without friction: residuals along motions, matrices, channels.
 
+    `lock` is a spring at the grip as g_y has it, with its sign turned, shape (n, n).
     Channel 0 is the grip (force [N], travel [m]), the others are muscles (tension [N], relative length).
 
     Parameters
@@ -45,6 +47,7 @@ class SwingModel:
         self.g_ydot = 0.5 * (m.J_plus + m.J_minus)
         self.g_y = (m.J_plus - m.J_minus) / (2.0 * m.c)
         self.B, self.C = channels(loop, m)
+        self.lock = np.outer(LOCK_N_PER_M * self.B[:, 0], self.C[0])
         self.lever, self.lever_length_m = m.dof_names.index("lever.gz"), loop.lever_length_m
         self.deck = DeckResiduals(context, loop.deck(stops=stops, activation_check=clipped), m.n)
         self.muscles = MuscleLaw(
@@ -89,17 +92,36 @@ class SwingModel:
         return best[1:]
 
 
-class Locked:
-    """A linear deck at one s with a spring at the grip, factorised.
+class LinearDeck:
+    """Matrices of a linear deck where they are not zero, with a spring at the grip.
 
     Parameters
     ----------
     g_y, g_ydot : ndarray, shape (n, n)
-        Its matrices; they need not be those of the posture.
+        They need not be those of the posture.
     model : SwingModel
         Whose channels act.
-    s : complex
-        [rad/s]; of a real one everything is real.
+    """
+
+    def __init__(self, g_y: Floats, g_ydot: Floats, model: SwingModel) -> None:
+        stiff = g_y - model.lock
+        columns, self._rows = np.nonzero((stiff.T != 0.0) | (g_ydot.T != 0.0))  # column by column
+        self._starts = np.searchsorted(columns, np.arange(len(g_y) + 1)).astype(np.intc)
+        self._stiff, self._damp = stiff[self._rows, columns], g_ydot[self._rows, columns]
+        self.model = model
+        self.g_ydot = self._matrix(self._damp)
+
+    def _matrix(self, numbers: np.ndarray) -> scipy.sparse.csc_matrix:
+        n = len(self._starts) - 1
+        return scipy.sparse.csc_matrix((numbers, self._rows.astype(np.intc), self._starts), shape=(n, n))
+
+    def at(self, s: complex) -> Locked:
+        """Factorised at one s [rad/s]; of a real one everything is real."""
+        return Locked(self._matrix(self._stiff + (s if s.imag else s.real) * self._damp), self.model)
+
+
+class Locked:
+    """A linear deck at one s with a spring at the grip, factorised.
 
     Attributes
     ----------
@@ -109,18 +131,20 @@ class Locked:
         The channels' own.
     """
 
-    def __init__(self, g_y: Floats, g_ydot: Floats, model: SwingModel, s: complex) -> None:
-        matrix = s * g_ydot + g_y if s.imag else s.real * g_ydot + g_y
-        matrix -= np.outer(LOCK_N_PER_M * model.B[:, 0], model.C[0])
-        self._factors = scipy.linalg.lu_factor(matrix, overwrite_a=True, check_finite=False)
+    def __init__(self, matrix: scipy.sparse.csc_matrix, model: SwingModel) -> None:
+        self._type = matrix.dtype
+        try:
+            self._factors = scipy.sparse.linalg.splu(matrix)
+        except RuntimeError:
+            raise EvaluationError("harmonic balance", "the linear deck is singular along this swing") from None
         self.forced = self.solve(model.B)
         self.receptances = model.C @ self.forced
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Motions, shape of `right` (n, ...), a vector or columns."""
-        if not np.iscomplexobj(self._factors[0]) and np.iscomplexobj(right):
+        if self._type.kind == "f" and np.iscomplexobj(right):
             right = right.real
-        return np.asarray(scipy.linalg.lu_solve(self._factors, right, check_finite=False))
+        return np.asarray(self._factors.solve(right.astype(self._type)))
 
 
 def channels(loop: ClosedLoop, matrices: Matrices) -> tuple[Floats, Floats]:

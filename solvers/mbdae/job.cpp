@@ -148,10 +148,14 @@ void refuse_unused_options(Task task, const JobOptions& options) {
   if (const char* name = options.static_option(); name && task != Task::static_equilibrium) {
     throw BadRequest(std::string("option '") + name + "' belongs to a static equilibrium" + doing);
   }
-  if (task != Task::residuals && (options.samples || options.tangents)) {
-    throw BadRequest(std::string("option '") + (options.samples ? "samples" : "tangents") + "' belongs to residuals" +
-                     doing);
+  if (const char* name = options.residuals_option(); name && task != Task::residuals) {
+    throw BadRequest(std::string("option '") + name + "' belongs to residuals" + doing);
   }
+  if (options.harmonics.has_value() != options.instants.has_value()) {
+    throw BadRequest(std::string("option '") + (options.harmonics ? "harmonics" : "instants") + "' wants '" +
+                     (options.harmonics ? "instants" : "harmonics") + "' too");
+  }
+  if (options.tangents_every && !options.tangents) throw BadRequest("option 'tangents_every' wants 'tangents' too");
   if (options.layout && task != Task::check) throw BadRequest("option 'layout' belongs to a check" + doing);
 }
 
@@ -249,14 +253,19 @@ void write_residuals(const ResidualsAlong& along, const Job& job, Outcome& outco
   if (!bytes.empty()) std::memcpy(samples.data(), bytes.data(), bytes.size());
   Residuals found;
   try {
-    found = along(samples, job.options.tangents);
+    const int every = job.options.tangents ? job.options.tangents_every.value_or(1) : 0;
+    found = job.options.harmonics
+                ? along.of_harmonics(samples, *job.options.harmonics, job.options.instants.value_or(0), every)
+                : along(samples, every);
   } catch (const std::invalid_argument& error) {
     throw BadRequest("'" + *job.options.samples + "': " + error.what());
   }
-  outcome.counts = {{"unknowns", static_cast<long>(found.g.rows())}, {"samples", static_cast<long>(found.g.cols())}};
+  const long rows = static_cast<long>(found.g.rows()), columns = static_cast<long>(found.g.cols());
+  outcome.counts = {{"unknowns", rows}, {"samples", job.options.instants ? *job.options.instants : columns}};
   outcome.output = output;
   if (output.empty()) return;
-  std::vector<double> numbers;  // a row per sample, then the matrices row by row
+  if (job.options.harmonics) found.g.transposeInPlace();
+  std::vector<double> numbers;  // a row per sample, or per unknown of harmonics; then the matrices row by row
   numbers.reserve(static_cast<std::size_t>(found.g.size() + 2 * found.mean_g_y.size()));
   numbers.insert(numbers.end(), found.g.data(), found.g.data() + found.g.size());
   for (const Eigen::MatrixXd* matrix : {&found.mean_g_y, &found.mean_g_ydot}) {
@@ -392,6 +401,14 @@ const char* JobOptions::linearisation_option() const { return c ? "c" : state ? 
 
 const char* JobOptions::static_option() const {
   return tolerance ? "tolerance" : max_iterations ? "max_iterations" : nullptr;
+}
+
+const char* JobOptions::residuals_option() const {
+  if (samples) return "samples";
+  if (harmonics) return "harmonics";
+  if (instants) return "instants";
+  if (tangents_every) return "tangents_every";
+  return tangents ? "tangents" : nullptr;
 }
 
 const char* status_name(Status status) {

@@ -39,15 +39,19 @@ struct JobOptions {
   std::optional<int> every;                     ///< time steps between rows
   std::vector<std::string> channels;
   std::optional<std::string> samples;  ///< file of the motion whose residuals are wanted
+  std::optional<int> harmonics;        ///< with residuals: the file has that many harmonics of a period
+  std::optional<int> instants;         ///< with harmonics: samples of the period
   bool tangents = false;               ///< with residuals: their mean derivatives too
+  std::optional<int> tangents_every;   ///< with tangents: samples from one derivative to the next
   bool layout = false;                 ///< with check: list the unknowns
   bool nodes = true;                   ///< tell where the nodes are
 
   /// Name of an option that only a time integration uses, or nullptr when none was given.
   const char* integration_option() const;
-  /// The same for linearisation (`c`, `state`) and for the static equilibrium.
+  /// The same for linearisation (`c`, `state`), the static equilibrium and residuals.
   const char* linearisation_option() const;
   const char* static_option() const;
+  const char* residuals_option() const;
 };
 
 struct Job {

@@ -89,9 +89,15 @@ JobOptions read_options(const Json& given) {
       for (const Json& channel : value) options.channels.push_back(text_of("a name in option 'channels'", channel));
     } else if (name == "samples") {
       options.samples = text_of("option 'samples'", value);
+    } else if (name == "harmonics") {
+      options.harmonics = count_of(name, value);
+    } else if (name == "instants") {
+      options.instants = count_of(name, value);
     } else if (name == "tangents") {
       if (!value.is_boolean()) throw BadRequest("option 'tangents' must be true or false");
       options.tangents = value.get<bool>();
+    } else if (name == "tangents_every") {
+      options.tangents_every = count_of(name, value);
     } else if (name == "layout") {
       if (!value.is_boolean()) throw BadRequest("option 'layout' must be true or false");
       options.layout = value.get<bool>();
@@ -101,7 +107,7 @@ JobOptions read_options(const Json& given) {
     } else {
       throw BadRequest("unknown option " + quote(name) +
                        "; known: c, state, tolerance, max_iterations, integrator, rtol, atol, final_time, time_step, "
-                       "every, channels, samples, tangents, layout, nodes");
+                       "every, channels, samples, harmonics, instants, tangents, tangents_every, layout, nodes");
     }
   }
   return options;

@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 
 #include <limits>
+#include <numbers>
 
 #include "deck_builder.h"
 #include "mbdae/dae/analyses.h"
@@ -47,7 +48,7 @@ Deck loop_case(const std::string& name) {
 }
 
 Residuals residuals(const Deck& deck, const Eigen::VectorXd& samples, bool tangents) {
-  return ResidualsAlong(deck)(samples, tangents);
+  return ResidualsAlong(deck)(samples, tangents ? 1 : 0);
 }
 
 }  // namespace
@@ -121,6 +122,50 @@ TEST_CASE("residuals: averages of derivatives, and no memory between samples") {
   CHECK((a.g.col(1) - second.g).norm() == 0.0);
   const Eigen::MatrixXd mean = 0.5 * (first.mean_g_y + second.mean_g_y);
   CHECK((a.mean_g_y - mean).cwiseAbs().maxCoeff() < 1e-12 * mean.cwiseAbs().maxCoeff());
+}
+
+TEST_CASE("residuals: harmonics are those of the samples they make") {
+  const Deck deck = loop_case("g14_loop_gravity");
+  const ResidualsAlong along(deck);
+  const int instants = 24;
+  const Eigen::Index n = linearise(deck, {}).y.size();
+  Ugly ugly(11);
+  Eigen::VectorXd motion(2 * n * 5);
+  for (Eigen::Index k = 0; k < motion.size(); ++k) motion(k) = ugly.number(-0.1, 0.1);
+  Eigen::VectorXd samples(2 * n * instants);
+  for (int i = 0; i < instants; ++i) {
+    const double t = 2.0 * std::numbers::pi * i / instants;
+    for (Eigen::Index j = 0; j < 2 * n; ++j) {
+      const auto c = motion.segment<5>(5 * j);
+      samples(2 * n * i + j) = c(0) + c(1) * std::cos(t) - c(2) * std::sin(t) + c(3) * std::cos(2 * t) -
+                               c(4) * std::sin(2 * t);
+    }
+  }
+  const Residuals found = along.of_harmonics(motion, 2, instants, 3), in_time = along(samples, 3);
+  REQUIRE(found.g.rows() == n);
+  REQUIRE(found.g.cols() == 5);
+  CHECK((found.mean_g_y - in_time.mean_g_y).norm() < 1e-12 * in_time.mean_g_y.norm());
+  CHECK((found.mean_g_ydot - in_time.mean_g_ydot).norm() < 1e-12 * in_time.mean_g_ydot.norm());
+  Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(n, 5), g_y = Eigen::MatrixXd::Zero(n, n);
+  for (int i = 0; i < instants; ++i) {
+    const double t = 2.0 * std::numbers::pi * i / instants;
+    const Eigen::VectorXd g = in_time.g.col(i) / instants;
+    expected.col(0) += g;
+    for (int k = 1; k < 3; ++k) {
+      expected.col(2 * k - 1) += 2.0 * g * std::cos(k * t);
+      expected.col(2 * k) -= 2.0 * g * std::sin(k * t);
+    }
+    if (i % 3 == 0) g_y += along(samples.segment(2 * n * i, 2 * n), 1).mean_g_y / 8.0;
+  }
+  CHECK((found.g - expected).norm() < 1e-12 * expected.norm());
+  CHECK((found.mean_g_y - g_y).norm() < 1e-12 * g_y.norm());
+
+  CHECK(along.of_harmonics(motion, 2, instants, 0).mean_g_y.size() == 0);
+  CHECK_THROWS_WITH(along.of_harmonics(motion, 3, instants, 0), Catch::Contains("expected 2 x "));
+  CHECK_THROWS_WITH(along.of_harmonics(motion, 2, 4, 0), "4 instants cannot tell 2 harmonics; give 5 or more");
+  CHECK_THROWS_WITH(along.of_harmonics(motion, 2, 1 << 20, 0), Catch::Contains("are too many"));
+  motion(5 * n) = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_WITH(along.of_harmonics(motion, 2, instants, 0), Catch::Contains("no finite rate in sample 1 of 24"));
 }
 
 TEST_CASE("residuals: bad samples and decks are refused by name") {

@@ -17,7 +17,7 @@ from pilotgen.closed_loop.limit_cycles import as_dict, balanced, nyquist, report
 from pilotgen.closed_loop.muscles import muscle_data
 from pilotgen.closed_loop.simulate import disturbance, simulate
 from pilotgen.closed_loop.swing import Swing
-from pilotgen.closed_loop.swing_model import Locked, SwingModel
+from pilotgen.closed_loop.swing_model import LinearDeck, SwingModel
 from pilotgen.closed_loop.threshold import swings, threshold
 from pilotgen.context import EvaluationContext
 from pilotgen.decks.vehicle import Friction
@@ -106,7 +106,7 @@ def test_residuals_of_the_deck_along_small_motions_are_those_of_its_matrices(mod
 
 
 def test_locked_deck_is_the_linear_deck_with_a_spring(model: SwingModel) -> None:
-    locked = Locked(model.g_y, model.g_ydot, model, 3.0 + 40.0j)
+    locked = LinearDeck(model.g_y, model.g_ydot, model).at(3.0 + 40.0j)
     free = model.C @ np.linalg.solve((3.0 + 40.0j) * model.g_ydot + model.g_y, model.B.astype(complex))
     by_spring = np.linalg.inv(np.linalg.inv(free[:1, :1]) - 1e3)  # a spring of 1e3 N/m, forces against the motion
     assert abs(locked.receptances[0, 0] - by_spring[0, 0]) < 1e-8 * abs(by_spring[0, 0])

@@ -296,6 +296,8 @@ def test_every_line_gets_one_reply_whatever_it_is(mbdae: Path, tmp_path: Path) -
         (b'{"task": "check", "text": "", "options": {"tangents": 1}}', "bad_request"),
         (b'{"task": "check", "text": "", "options": {"samples": 1}}', "bad_request"),
         (json.dumps({"task": "residuals", "text": pendulum()}).encode(), "bad_request"),
+        (b'{"task": "check", "text": "", "options": {"harmonics": 0}}', "bad_request"),
+        (json.dumps({"task": "check", "text": pendulum(), "options": {"instants": 64}}).encode(), "bad_request"),
         (json.dumps({"task": "check", "text": pendulum(), "options": {"samples": "x"}}).encode(), "bad_request"),
         (json.dumps({"task": "linearise", "text": pendulum(), "options": {"tangents": True}}).encode(), "bad_request"),
         (json.dumps({"task": "residuals", "text": pendulum(), "options": {"samples": "/no/x"}}).encode(), "io_error"),
@@ -345,6 +347,28 @@ def test_residuals_along_samples_of_a_file(mbdae: Path, tmp_path: Path) -> None:
         assert np.abs(g_ydot - linear.c * g_y - linear.J_minus).max() < 1e-12
         asked(text, np.zeros((1, 2 * n)))
         assert len(np.fromfile(output)) == n
+    turning = np.zeros((2, n, 3))
+    turning[:, :, 1:] = 1e-3 * np.random.default_rng(2).standard_normal((2, n, 2))
+    phase = 2.0 * np.pi * np.arange(8) / 8
+    in_time = turning @ np.stack((np.ones(8), np.cos(phase), -np.sin(phase)))
+    asked(text, np.concatenate(list(in_time)).T, tangents=True, tangents_every=2)
+    along = np.fromfile(output)
+    reply = asked(text, turning, tangents=True, harmonics=1, instants=8, tangents_every=2)
+    numbers, left = np.fromfile(output), along[: 8 * n].reshape(8, n)
+    assert reply["counts"] == {"unknowns": n, "samples": 8}
+    assert np.allclose(numbers[3 * n :], along[8 * n :], rtol=1e-12, atol=1e-12)
+    found = numbers[: 3 * n].reshape(n, 3)
+    assert np.allclose(found[:, 0], left.mean(axis=0), atol=1e-13)
+    assert np.allclose(found[:, 1] + 1j * found[:, 2], 0.25 * np.exp(-1j * phase) @ left, atol=1e-13)
+    for options, wanted in (
+        ({"harmonics": 2, "instants": 8}, f"expected 2 x {n} x 5"),
+        ({"harmonics": 1, "instants": 2}, "2 instants cannot tell 1 harmonics; give 3 or more"),
+        ({"harmonics": 1}, "option 'harmonics' wants 'instants' too"),
+        ({"instants": 8}, "option 'instants' wants 'harmonics' too"),
+        ({"tangents_every": 2}, "option 'tangents_every' wants 'tangents' too"),
+    ):
+        reply = asked(text, turning, **options)
+        assert reply["status"] == "bad_request" and wanted in str(reply["message"])
     moving = np.zeros((2, 2 * n))
     moving[1, n + 1] = np.nan
     message = str(asked(text, moving)["message"])

@@ -69,7 +69,7 @@ LinearisedModel linearise(const Deck& deck, const LineariseOptions& options);
 /// What is left of the equations along a motion that somebody proposes.
 struct Residuals {
   Eigen::MatrixXd g;                      ///< one column per sample
-  Eigen::MatrixXd mean_g_y, mean_g_ydot;  ///< derivatives, averages over the samples; empty unless asked for
+  Eigen::MatrixXd mean_g_y, mean_g_ydot;  ///< derivatives, averages over samples; empty unless asked for
 };
 
 /// A deck made ready for residuals along many motions near the state that `linearise` takes, at the deck's initial
@@ -81,9 +81,15 @@ class ResidualsAlong {
 
   /// `samples` has rows of 2 n numbers one after the other: the unknowns less those of that state (rotations:
   /// Cayley-Gibbs-Rodrigues parameters from its orientations), then their rates less its rates, both in the order of
-  /// files. Throws std::invalid_argument on samples of another size or not finite, NotConverged where a residual is not
-  /// finite.
-  Residuals operator()(const Eigen::VectorXd& samples, bool tangents) const;
+  /// files. Derivatives are those of every so many samples, from the first (0: none). Throws std::invalid_argument on
+  /// samples of another size or not finite, NotConverged where a residual is not finite.
+  Residuals operator()(const Eigen::VectorXd& samples, int tangents_every) const;
+
+  /// The same along a periodic motion given by its harmonics, at instants equally spaced over a period. `harmonics` has
+  /// 2 K + 1 numbers for every unknown, then as many for every rate: the mean, then real and imaginary parts of c_k, for
+  /// mean + Re sum c_k exp(j k t); `g` gets 2 K + 1 columns, those of the residuals. Throws std::invalid_argument on
+  /// numbers of another size and fewer than 2 K + 1 instants, too.
+  Residuals of_harmonics(const Eigen::VectorXd& harmonics, int count, int instants, int tangents_every) const;
 
  private:
   struct Prepared;

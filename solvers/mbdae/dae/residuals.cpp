@@ -2,6 +2,7 @@
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -13,6 +14,8 @@
 namespace mbdae {
 
 namespace {
+
+constexpr int kMostInstants = 16384;  // of a period: a table of sines and the samples stay below 1 GB
 
 void refuse_memory(Model& model) {
   for (const ConstraintEntry& entry : model.constraints()) {
@@ -82,7 +85,7 @@ ResidualsAlong::ResidualsAlong(const Deck& deck) {
 
 ResidualsAlong::~ResidualsAlong() = default;
 
-Residuals ResidualsAlong::operator()(const Eigen::VectorXd& samples, bool tangents) const {
+Residuals ResidualsAlong::operator()(const Eigen::VectorXd& samples, int tangents_every) const {
   const Model& model = prepared_->model;
   const State& reference = prepared_->reference;
   const std::vector<int>& order = prepared_->order;
@@ -113,6 +116,7 @@ Residuals ResidualsAlong::operator()(const Eigen::VectorXd& samples, bool tangen
       (k < n ? y : ydot)(order[static_cast<std::size_t>(k % n)]) = row(k);
     }
     move(model, reference, y, ydot, state);
+    const bool tangents = tangents_every > 0 && sample % tangents_every == 0;
     model.assemble(state, eq, tangents);
     out.g.col(sample) = eq.g(order);
     for (Eigen::Index k = 0; k < n; ++k) {
@@ -125,11 +129,44 @@ Residuals ResidualsAlong::operator()(const Eigen::VectorXd& samples, bool tangen
       g_ydot += eq.g_ydot;
     }
   }
-  if (tangents) {
-    const double share = 1.0 / static_cast<double>(count);
+  if (tangents_every > 0) {
+    const double share = 1.0 / static_cast<double>((count + tangents_every - 1) / tangents_every);
     out.mean_g_y = share * g_y(order, order);
     out.mean_g_ydot = share * g_ydot(order, order);
   }
+  return out;
+}
+
+Residuals ResidualsAlong::of_harmonics(const Eigen::VectorXd& harmonics, int count, int instants,
+                                       int tangents_every) const {
+  const Eigen::Index n = prepared_->model.size(), parts = 2 * Eigen::Index{count} + 1;
+  if (harmonics.size() != 2 * n * parts) {
+    throw std::invalid_argument("the motion is " + std::to_string(harmonics.size()) + " numbers; expected 2 x " +
+                                std::to_string(n) + " x " + std::to_string(parts) +
+                                ", harmonics of the deck's unknowns and of their rates");
+  }
+  if (instants > kMostInstants) {
+    throw std::invalid_argument(std::to_string(instants) + " instants of a period are too many; " +
+                                std::to_string(kMostInstants) + " at most");
+  }
+  if (instants < parts) {
+    throw std::invalid_argument(std::to_string(instants) + " instants cannot tell " + std::to_string(count) +
+                                " harmonics; give " + std::to_string(parts) + " or more");
+  }
+  Eigen::MatrixXd in_time(parts, instants);  // row by part: 1, cos, -sin, ...
+  for (Eigen::Index k = 0; k < parts; ++k) {
+    for (int i = 0; i < instants; ++i) {
+      const auto turns = static_cast<double>((k + 1) / 2 * i % instants);  // exact, whatever the harmonic
+      const double phase = 2.0 * std::numbers::pi * turns / instants;
+      in_time(k, i) = k == 0 ? 1.0 : k % 2 == 1 ? std::cos(phase) : -std::sin(phase);
+    }
+  }
+  const Eigen::Map<const Eigen::MatrixXd> given(harmonics.data(), parts, 2 * n);
+  const Eigen::MatrixXd samples = given.transpose() * in_time;
+  Residuals out = (*this)(Eigen::Map<const Eigen::VectorXd>(samples.data(), samples.size()), tangents_every);
+  Eigen::VectorXd share = Eigen::VectorXd::Constant(parts, 2.0 / instants);
+  share(0) = 1.0 / instants;
+  out.g = (out.g * in_time.transpose() * share.asDiagonal()).eval();
   return out;
 }
 
