@@ -137,8 +137,8 @@ TEST_CASE("residuals: harmonics are those of the samples they make") {
     const double t = 2.0 * std::numbers::pi * i / instants;
     for (Eigen::Index j = 0; j < 2 * n; ++j) {
       const auto c = motion.segment<5>(5 * j);
-      samples(2 * n * i + j) = c(0) + c(1) * std::cos(t) - c(2) * std::sin(t) + c(3) * std::cos(2 * t) -
-                               c(4) * std::sin(2 * t);
+      samples(2 * n * i + j) =
+          c(0) + c(1) * std::cos(t) - c(2) * std::sin(t) + c(3) * std::cos(2 * t) - c(4) * std::sin(2 * t);
     }
   }
   const Residuals found = along.of_harmonics(motion, 2, instants, 3), in_time = along(samples, 3);

@@ -86,9 +86,9 @@ class ResidualsAlong {
   Residuals operator()(const Eigen::VectorXd& samples, int tangents_every) const;
 
   /// The same along a periodic motion given by its harmonics, at instants equally spaced over a period. `harmonics` has
-  /// 2 K + 1 numbers for every unknown, then as many for every rate: the mean, then real and imaginary parts of c_k, for
-  /// mean + Re sum c_k exp(j k t); `g` gets 2 K + 1 columns, those of the residuals. Throws std::invalid_argument on
-  /// numbers of another size and fewer than 2 K + 1 instants, too.
+  /// 2 K + 1 numbers for every unknown, then as many for every rate: the mean, then real and imaginary parts of c_k,
+  /// for mean + Re sum c_k exp(j k t); `g` gets 2 K + 1 columns, those of the residuals. Throws std::invalid_argument
+  /// on numbers of another size and fewer than 2 K + 1 instants, too.
   Residuals of_harmonics(const Eigen::VectorXd& harmonics, int count, int instants, int tangents_every) const;
 
  private:
