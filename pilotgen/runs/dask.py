@@ -15,6 +15,7 @@ from typing import Any
 
 from pilotgen.errors import FileError
 from pilotgen.runs.executor import SINGLE_THREAD_VARIABLES, WorkerLost, is_stopped
+from pilotgen.runs.memory import peak_with_children_bytes
 
 CONNECT_TIMEOUT_S = 20.0
 LOOPBACK = "127.0.0.1"
@@ -52,6 +53,7 @@ class DaskWorkers:
         # A worker killed from outside is no fault of the pilots it had; only repeated deaths are.
         dask.config.set({"distributed.scheduler.allowed-failures": 5, "distributed.admin.log-length": 100})
         self._cluster = None
+        self._largest_bytes = 0
         if address is None:
             environment = dict.fromkeys(SINGLE_THREAD_VARIABLES, "1")
             dask.config.set({"distributed.nanny.pre-spawn-environ": environment})
@@ -99,7 +101,7 @@ class DaskWorkers:
                 item = next(following, None)
                 if item is None:
                     return
-                future = self._client.submit(function, item[1], pure=False)
+                future = self._client.submit(_weighed, function, item[1], pure=False)
                 numbers[future.key] = item[0]
                 completed.add(future)
 
@@ -107,7 +109,8 @@ class DaskWorkers:
         try:
             for future in completed:
                 try:
-                    result = future.result()
+                    result, bytes_had = future.result()
+                    self._largest_bytes = max(self._largest_bytes, int(bytes_had))
                 except KilledWorker as error:
                     reason = f"dask gave the pilot up after several workers died with it ({error.last_worker})"
                     result = WorkerLost(reason)
@@ -124,8 +127,8 @@ class DaskWorkers:
         return IN_FLIGHT_PER_WORKER * max(1, threads)
 
     def memory_bytes(self) -> int:
-        """Nobody looks: workers may be on other machines."""
-        return 0
+        """Largest memory that one worker and its solver had so far, as workers tell it with their answers."""
+        return self._largest_bytes
 
     def close(self) -> None:
         """Leave the cluster; stop it if it is ours."""
@@ -151,3 +154,8 @@ class DaskWorkers:
                 if seconds > limit_s:
                     with suppress(OSError):
                         os.kill(pid, signal.SIGKILL)
+
+
+def _weighed(function: Callable[[Any], Any], task: Any) -> tuple[Any, int]:
+    """What a worker answers, and the largest memory that it and its solver had so far: it may be on another machine."""
+    return function(task), peak_with_children_bytes(os.getpid())

@@ -5,6 +5,7 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import glob
 import re
 from contextlib import suppress
 
@@ -21,9 +22,10 @@ def peak_bytes(pid: int | None) -> int:
 
 def peak_with_children_bytes(pid: int | None) -> int:
     """Sum of the largest resident memories that a process and its children had so far [bytes]; 0 if it is gone."""
-    children: list[int] = []
-    with suppress(OSError, ValueError), open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as file:
-        children = [int(child) for child in file.read().split()]
+    children: set[int] = set()
+    for path in glob.glob(f"/proc/{pid}/task/*/children"):  # a child belongs to the thread that started it
+        with suppress(OSError, ValueError), open(path, encoding="ascii") as file:
+            children.update(map(int, file.read().split()))
     return sum(peak_bytes(one) for one in (pid, *children))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -116,6 +117,8 @@ def test_local_cluster_is_started_and_stopped(study: Path, tmp_path: Path) -> No
     assert process.returncode == 0, err
     assert "24 pilots" in out
     assert_all_gone(family)
+    size = json.loads(run("status", tmp_path / "out", "--json").stdout)["beat"]["worker_memory_bytes"]
+    assert 6e7 < size < 5e8, "a worker with numpy and scipy, and its solver"
 
 
 def test_no_scheduler_is_told(study: Path, tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 from serial_workers import SerialWorkers
 
 from pilotgen.runs.executor import MAX_ATTEMPTS, ProcessWorkers, WorkerLost
-from pilotgen.runs.memory import resident_bytes
+from pilotgen.runs.memory import peak_bytes, peak_with_children_bytes, resident_bytes
 
 
 def square(x: int) -> int:
@@ -234,6 +236,27 @@ def test_a_task_that_stops_every_worker_is_lost_in_words() -> None:
         assert "stopped or stuck 3 times" in lost.reason and "time limit of 0.2 s" in lost.reason
     finally:
         workers.close()
+
+
+def test_children_of_all_threads_are_weighed() -> None:
+    def start() -> None:
+        started.append(subprocess.Popen(["sleep", "30"]))
+
+    started: list[subprocess.Popen[bytes]] = []
+    before = peak_with_children_bytes(os.getpid())
+    thread = threading.Thread(target=lambda: (start(), done.wait()))
+    done = threading.Event()
+    thread.start()
+    try:
+        while not started:
+            time.sleep(0.01)
+        assert peak_with_children_bytes(os.getpid()) - before >= peak_bytes(started[0].pid) > 0
+    finally:
+        done.set()
+        thread.join()
+        for process in started:
+            process.kill()
+            process.wait()
 
 
 def test_the_largest_workers_memory_is_told() -> None:
