@@ -13,6 +13,7 @@ from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
 WRITES = ("limit_cycles.json", "growth.png", "nyquist.png", "onset.png")
+MOST_HARMONICS = 21
 NO_CYCLE = (
     "a lever that friction holds cuts the loop, so that no swing of it dies; give the rotorcraft with what stabilises "
     "it, or look at one motion with pilotgen simulate"
@@ -35,10 +36,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--harmonics",
         metavar="K",
-        type=int,
-        choices=range(1, 22),
+        type=_harmonics,
         default=9,
-        help="of limit cycles (1 to 21, default: 9)",
+        help=f"of limit cycles (1 to {MOST_HARMONICS}, default: 9)",
     )
     parser.add_argument(
         "--verify",
@@ -69,6 +69,13 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
     parser.set_defaults(run=run)
+
+
+def _harmonics(text: str) -> int:
+    count = common.positive_int(text)
+    if count > MOST_HARMONICS:
+        raise argparse.ArgumentTypeError(f"{text} is too many; 1 to {MOST_HARMONICS} harmonics are wanted")
+    return count
 
 
 def run(args: argparse.Namespace) -> int:

@@ -204,3 +204,8 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert main([*arguments[:3], str(tmp_path / "other"), "--frictions", "3"]) == 1
     assert "add --map" in capsys.readouterr().err
+    for harmonics, wanted in (("0", "0 is too few"), ("22", "22 is too many; 1 to 21"), ("2.5", "not a whole number")):
+        with pytest.raises(SystemExit):
+            main([*arguments[:3], str(tmp_path / "other"), "--harmonics", harmonics])
+        assert wanted in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
