@@ -15,7 +15,7 @@ import numpy as np
 
 from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, VERMILLION, MarginScale, quantity
-from pilotgen.objectives import GAIN_MARGIN, MODULUS_MARGIN, OBJECTIVES, PHASE_MARGIN
+from pilotgen.objectives import GAIN_MARGIN, MODULUS_MARGIN, OBJECTIVES, PHASE_MARGIN, Quantile, quantiles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,15 +58,38 @@ def shown_margins(results: StudyResults) -> tuple[str, str]:
     return GAIN_MARGIN.key, PHASE_MARGIN.key if np.isfinite(phase).any() else INSTEAD.key
 
 
+def searched(results: StudyResults) -> tuple[Quantile, ...]:
+    """Quantiles over draws that a robust search minimised."""
+    return tuple(row for row in quantiles(results.objective_names) if row.key in results.columns)
+
+
+def plane_of(results: StudyResults) -> tuple[str, str]:
+    """The two columns that the objective plane is drawn over: as `shown_margins`, or the quantiles of a robust search.
+
+    Beside a single quantile stands what else was minimised, or its margin as the study has the pilot.
+    """
+    robust = searched(results)
+    if not robust:
+        return shown_margins(results)
+    others = [*(row.key for row in robust[1:]), *(key for key in results.objective_names if key in OBJECTIVES)]
+    return robust[0].key, (others or [robust[0].base])[0]
+
+
+def _limit(limits: Limits, name: str) -> float | None:
+    """The limit of a margin or of a quantile of it."""
+    return limits.get(name) if name in OBJECTIVES else limits.get(quantiles((name,))[0].base)
+
+
 class _Colors:
-    """Gain margin -> colour, the same in every panel of a figure."""
+    """Gain margin (of a robust search the first quantile) -> colour, the same in every panel of a figure."""
 
     def __init__(self, results: StudyResults, limits: Limits) -> None:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        self.values = results.columns[GAIN_MARGIN.key]
-        self.limit = limits.get(GAIN_MARGIN.key)
+        self.key = next((row.key for row in searched(results)), GAIN_MARGIN.key)
+        self.values = results.columns[self.key]
+        self.limit = _limit(limits, self.key)
         finite = self.values[np.isfinite(self.values)]
         # a search evaluates bad pilots more often: the first population is the fair one
         fair = self.values[results.members[0]] if len(results.members) else finite
@@ -91,7 +114,7 @@ class _Colors:
 
     def bar(self, figure: Figure, panels: Any) -> None:
         """The colour bar; lines at 0 dB (limit of stability) and at the study's limit."""
-        bar = figure.colorbar(self.mappable, ax=panels, label="gain margin [dB]", shrink=0.9, pad=0.02, aspect=28)
+        bar = figure.colorbar(self.mappable, ax=panels, label=quantity(self.key).axis, shrink=0.9, pad=0.02, aspect=28)
         low, high = self.mappable.get_clim()
         for level, color in ((0.0, BLACK), (self.limit, VERMILLION)):
             if level is not None and low < level < high:
@@ -135,7 +158,7 @@ def _plane(
         scale = MarginScale.of(colors.values[_evaluated(results)])
         colors.scatter(axes, x, scale.place(colors.values[rows]), rows)
         scale.apply(axes)
-        axes.set_ylabel(quantity(GAIN_MARGIN.key).axis)
+        axes.set_ylabel(quantity(colors.key).axis)
         height = scale.place(colors.values)
     else:
         colors.scatter(axes, x, inputs[rows, j], rows)
@@ -222,7 +245,7 @@ def all_individuals(results: StudyResults, worst: int | None = None, limits: Lim
 def objective_plane(
     results: StudyResults, front: np.ndarray, worst: int | None = None, limits: Limits = RULE_OF_THUMB
 ) -> Figure:
-    """Gain margin against phase margin (or modulus margin, see `shown_margins`) of every pilot, with the first front.
+    """Gain margin against phase margin (or others, see `plane_of`) of every pilot, with the first front.
 
     Parameters
     ----------
@@ -238,7 +261,7 @@ def objective_plane(
     figure = style.new_figure(4.4, 6.6)
     axes = figure.subplots()
     rows = _evaluated(results)
-    names = shown_margins(results)
+    names = plane_of(results)
     gain, phase = (results.columns[name] for name in names)
     x_scale, y_scale = MarginScale.of(gain[rows]), MarginScale.of(phase[rows])
     colors = _Colors(results, limits)
@@ -256,7 +279,7 @@ def objective_plane(
     x_scale.apply(axes, "x")
     y_scale.apply(axes, "y")
     marked = [
-        scale.mark(axes, limits.get(name), which)
+        scale.mark(axes, _limit(limits, name), which)
         for scale, which, name in zip((x_scale, y_scale), "xy", names, strict=True)
     ]
     if any(marked):
@@ -287,7 +310,7 @@ def convergence(results: StudyResults, limits: Limits = RULE_OF_THUMB) -> Figure
             *scale.broken(generations, history[:, 0]), color=VERMILLION, marker=".", markersize=4, label="smallest"
         )
         scale.apply(axes)
-        scale.mark(axes, limits.get(name))
+        scale.mark(axes, _limit(limits, name))
         axes.set_xlim(0.5, len(generations) + 0.5)
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel("generation")

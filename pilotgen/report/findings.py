@@ -16,7 +16,7 @@ import numpy as np
 
 from pilotgen.figures.study import Curve
 from pilotgen.figures.style import quantity, typeset
-from pilotgen.objectives import MARGINS, OBJECTIVES
+from pilotgen.objectives import MARGINS, OBJECTIVES, Objective, Quantile, objective, quantiles
 from pilotgen.population.region import Region, rarity_text, region_of
 from pilotgen.runs.results import DISTANCE, StudyResults
 from pilotgen.study.study import Study
@@ -30,14 +30,33 @@ CLEAR_TREND, WEAK_TREND = 0.5, 0.2  # rank correlations called clear, and not wo
 def worst_order(results: StudyResults) -> np.ndarray:
     """Indices of the evaluated pilots, worst first: by front, then by gain plus phase margin (capped).
 
-    Shape (evaluated,).
+    Of a robust study what was minimised takes the place of the margins. Shape (evaluated,).
     """
     columns = results.columns
     ok = np.flatnonzero(columns["status"] == "ok")
-    capped = [np.clip(columns[row.key][ok], -row.cap, row.cap) for row in MARGINS]
+    robust = bool(searched_quantiles(results))
+    rows = [objective(key) for key in results.objective_names] if robust else MARGINS
+    capped = np.sum([np.clip(columns[row.key][ok], -row.cap, row.cap) for row in rows], axis=0)
     front = columns["rank"][ok] if "rank" in columns else np.zeros(len(ok), dtype=np.int64)
-    order: np.ndarray = ok[np.lexsort((capped[0] + capped[1], front))]
+    order: np.ndarray = ok[np.lexsort((capped, front))]
     return order
+
+
+def searched_quantiles(results: StudyResults) -> tuple[Quantile, ...]:
+    """Quantiles over draws that the study searched for; none of a study that takes each pilot as it has him."""
+    return tuple(row for row in quantiles(results.objective_names) if row.key in results.columns)
+
+
+def robust_verdict(study: Study, results: StudyResults, worst: int) -> str:
+    """What was searched for in a robust study: the worst pilot's quantiles; empty for others."""
+    rows = searched_quantiles(results)
+    if not rows:
+        return ""
+    told = " and ".join(f"{row.label}, {typeset(row.text(float(results.columns[row.key][worst])))}" for row in rows)
+    return (
+        f"He was searched for by the {told}, over {study.uncertain['draws']} draws of what is not known of him. The "
+        "margins above are nominal: of him as the study has him, without draws."
+    )
 
 
 def distinct(results: StudyResults, order: np.ndarray, count: int, share: float = SAME_PILOT) -> np.ndarray:
@@ -108,8 +127,9 @@ def verdict(results: StudyResults, worst: int, rotorcraft: str, control: str = "
 def how_far(results: StudyResults, worst: int, limits: Mapping[str, float | None]) -> list[str]:
     """How far the worst pilot is from the study's limits, and how many pilots miss them."""
     sentences = []
-    for row in OBJECTIVES.values():
-        wanted = limits.get(row.key)
+    robust = searched_quantiles(results)
+    for row in (*robust, *OBJECTIVES.values()):
+        wanted = limits.get(_limited(row))
         if wanted is None:
             continue
         value = float(results.columns[row.key][worst])
@@ -122,7 +142,8 @@ def how_far(results: StudyResults, worst: int, limits: Mapping[str, float | None
             text = f"the worst pilot misses {told} by {typeset(row.text(wanted - value))}."
         else:
             text = f"the model's worst pilot is {typeset(row.text(value - wanted))} above {told}."
-        sentences.append(f"{row.label.capitalize()}: {text}")
+        label = f"nominal {row.label}" if robust and row not in robust else row.label
+        sentences.append(f"{label[0].upper()}{label[1:]}: {text}")
     return sentences + _shares(results, limits)
 
 
@@ -133,10 +154,12 @@ def _shares(results: StudyResults, limits: Mapping[str, float | None]) -> list[s
     rows = rows[columns["status"][rows] == "ok"]
     if not len(rows):
         return []
+    robust = searched_quantiles(results)
     counts = [
-        f"{int((columns[key][rows] < limit).sum())} have less than {typeset(OBJECTIVES[key].text(limit))}"
-        for key, limit in limits.items()
-        if limit is not None
+        f"{int((columns[row.key][rows] < limit).sum())} have {f'a {row.label} of ' if row in robust else ''}"
+        f"{'nominally ' if robust and row not in robust else ''}less than {typeset(row.text(limit))}"
+        for row in (*robust, *(OBJECTIVES[key] for key in limits))
+        if (limit := limits.get(_limited(row))) is not None
     ]
     counts.append(f"{int((columns['stable'][rows] == 0).sum())} make the closed loop unstable")
     where = "region, not as people are" if DISTANCE in columns else "box"
@@ -144,20 +167,26 @@ def _shares(results: StudyResults, limits: Mapping[str, float | None]) -> list[s
     return [f"Of the {len(rows)} evaluated pilots of the {who}, {', '.join(counts)}."]
 
 
+def _limited(row: Objective) -> str:
+    """The margin whose limit an objective is held against."""
+    return row.base if isinstance(row, Quantile) else row.key
+
+
 def pilots_below_limits(results: StudyResults, limits: Mapping[str, float | None]) -> list[str]:
     """What pilots lack, and how many of them, in sentences for a terminal; empty if nothing."""
     columns = results.columns
     unstable = int((columns["stable"] == 0).sum())
     found = [f"{unstable} of {len(columns['stable'])} pilots make the closed loop unstable"] if unstable else []
-    for key, limit in limits.items():
+    robust = searched_quantiles(results)
+    for row in (*robust, *(OBJECTIVES[key] for key in limits)):
+        limit = limits.get(_limited(row))
         if limit is None:
             continue
-        below = int((columns[key] < limit).sum())
+        below = int((columns[row.key] < limit).sum())
         if below:
-            row, smallest = OBJECTIVES[key], float(np.nanmin(columns[key]))
-            found.append(
-                f"{below} pilots have a {row.label} below {row.text(limit)}; the smallest is {row.text(smallest)}"
-            )
+            label = f"nominal {row.label}" if robust and row not in robust else row.label
+            smallest = row.text(float(np.nanmin(columns[row.key])))
+            found.append(f"{below} pilots have a {label} below {row.text(limit)}; the smallest is {smallest}")
     return found
 
 

@@ -91,6 +91,7 @@ def render(
     if worst is not None:
         content |= {
             "verdict": findings.verdict(results, worst, study.rotorcraft.name, study.loop.control),
+            "robust": findings.robust_verdict(study, results, worst),
             "nominal": _nominal_sentence(study, repeated),
             "rule": findings.how_far(results, worst, study.limits),
             "bounds": findings.rarity(study, results)
@@ -170,7 +171,7 @@ def _pictures(
         "curves": still(
             study_figures.margin_curves(results, repeated.curves if repeated else (), worst, limits),
             "gain and phase margin of every pilot against each searched variable",
-            _curves_caption(bool(len(results.members)), repeated is not None),
+            _curves_caption(results, repeated is not None),
         ),
     }
     if len(results.members):
@@ -208,6 +209,10 @@ def _pictures(
 
 
 def _plane_caption(results: StudyResults) -> str:
+    robust = findings.searched_quantiles(results)
+    if robust:
+        across, up = (quantity(name).name for name in study_figures.plane_of(results))
+        return f"Across: the {across}, over draws of what is not known of a pilot; up: the {up}."
     if PHASE_MARGIN.key not in study_figures.shown_margins(results):
         return (
             "Gain against modulus margin (the smallest distance of L from −1). The phase margin is infinite for every "
@@ -219,14 +224,15 @@ def _plane_caption(results: StudyResults) -> str:
     )
 
 
-def _curves_caption(is_search: bool, with_curves: bool) -> str:
+def _curves_caption(results: StudyResults, with_curves: bool) -> str:
+    robust = findings.searched_quantiles(results)
     dots = (
         "Blue: the first population, which covers the box evenly; grey: later pilots, which the search drew from where "
         "margins are small"
-        if is_search
+        if len(results.members)
         else "Grey: the pilots of the sample"
     )
-    return f"Margins against each variable. {dots}" + (
+    return f"{'Nominal margins' if robust else 'Margins'} against each variable. {dots}" + (
         "; orange: the worst pilot with this one variable changed, all others held." if with_curves else "."
     )
 
@@ -309,13 +315,16 @@ def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[
     chosen = findings.distinct(results, order, TABLE_ROWS)
     derived = [name for name in DERIVED if name not in results.names and np.isfinite(columns[name][chosen]).any()]
     heads = [quantity(name).axis for name in results.names] + [DERIVED[name][0] for name in derived]
+    robust = findings.searched_quantiles(results)
+    heads += [row.heading for row in robust]
     for row in OBJECTIVES.values():
-        heads += [row.heading] + (["at [Hz]"] if row in MARGINS else [])
+        heads += [f"nominal {row.heading}" if robust else row.heading] + (["at [Hz]"] if row in MARGINS else [])
     heads += ["closed loop", *(["how rare"] if DISTANCE in columns else [])]
     lines = []
     for k in chosen.tolist():
         cells = [f"{value:.4g}" for value in columns["inputs"][k]]
         cells += [typeset_number(float(columns[name][k]), DERIVED[name][1]) for name in derived]
+        cells += [typeset_number(float(columns[row.key][k]), row.digits) for row in robust]
         for row in OBJECTIVES.values():
             cells.append(typeset_number(float(columns[row.key][k]), row.digits))
             if row in MARGINS:

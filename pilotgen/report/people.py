@@ -18,12 +18,14 @@ import numpy as np
 
 from pilotgen.errors import PilotgenError
 from pilotgen.evaluation import PILOT_DECK, Evaluation
+from pilotgen.figures.study import plane_of
 from pilotgen.figures.style import quantity
 from pilotgen.linear.feedthrough import mayo_pilot
 from pilotgen.linear.statespace import series
 from pilotgen.loop.rotorcraft_model import Chained, measured_part, rotorcraft_model
-from pilotgen.objectives import OBJECTIVES
+from pilotgen.objectives import OBJECTIVES, Quantile
 from pilotgen.posture.posture import ANGLE_NAMES
+from pilotgen.report.findings import searched_quantiles
 from pilotgen.report.packing import embedded, pack_short, pack_text, pack_wide
 from pilotgen.report.skeleton import skeleton_of
 from pilotgen.runs.results import Row, StudyResults, columns_of
@@ -149,6 +151,7 @@ def page_data(
         "sex": sorted({str(value) for value in columns["sex"] if value}) if "sex" in columns else [],
         "variables": list(results.names),
         "objectives": [row.key for row in OBJECTIVES.values()],
+        "plane": _plane(results),
         "order": order.tolist(),
         "front": front.tolist(),
         "fair": (results.members[0] if len(results.members) else np.arange(count)).tolist(),
@@ -175,6 +178,7 @@ def _with_nominal(study: Study, results: StudyResults, nominal: Evaluation | Non
     own = {name: float(nominal.values.get(name, _standing(study, name))) for name in results.names}
     objectives = np.full((1, results.columns["objectives"].shape[1]), np.nan)
     more = columns_of([Row(0, 0, own, nominal.result)], results.names, objectives, None)
+    more |= {row.key: np.array([np.nan]) for row in searched_quantiles(results)}  # nobody draws the nominal pilot
     return {
         name: np.concatenate([column, more[name]])
         for name, column in results.columns.items()
@@ -202,18 +206,34 @@ def _columns(study: Study, results: StudyResults, columns: Mapping[str, np.ndarr
         box = [float(results.lower[j]), float(results.upper[j])]
         digits = _DERIVED[name][2] if name in _DERIVED else 4
         add(name, told.name, told.unit, digits, "variable", columns["inputs"][:, j], box=box)
+    robust = searched_quantiles(results)
+    for one in robust:
+        limit = study.limits.get(one.base)
+        values = columns[one.key]
+        add(_robust_key(one), one.label, one.unit, one.digits, "objective", values, limit=limit, worse=one.worse)
     for row in OBJECTIVES.values():
         if row.key not in columns:
             continue
         limit = study.limits.get(row.key)
-        unit = row.unit
-        add(row.key, row.label, unit, row.digits, "objective", columns[row.key], limit=limit, worse=row.worse)
+        label = f"{row.label}, nominal" if robust else row.label
+        add(row.key, label, row.unit, row.digits, "objective", columns[row.key], limit=limit, worse=row.worse)
         if row.at and row.at in columns:
             add(row.at, f"frequency of the {row.label}", "Hz", 2, "frequency", columns[row.at])
     for name, (label, unit, digits) in _DERIVED.items():
         if name not in results.names and name in columns and np.isfinite(columns[name]).any():
             add(name, label, unit, digits, "derived", columns[name])
     return found
+
+
+def _plane(results: StudyResults) -> list[str] | None:
+    """The two columns that the page is about where a search was robust; None: gain and phase margin."""
+    keys = {row.key: _robust_key(row) for row in searched_quantiles(results)}
+    return [keys.get(key, key) for key in plane_of(results)] if keys else None
+
+
+def _robust_key(row: Quantile) -> str:
+    """Of a column of the page, which its filter can name: `gain_margin_db_5`."""
+    return f"{row.base}_{100.0 * row.share:g}"
 
 
 def _packed_terms(terms: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:

@@ -61,15 +61,24 @@ def story(
         for row in OBJECTIVES.values()
         if row is not gain and row.key in columns
     ]
+    robust = findings.searched_quantiles(results)
+    answer = f"gain margin {findings.margin_words(gain.key, value)}"
+    if robust:
+        lines = [f"nominal {line}" for line in (answer, *lines)]
+        answer = ", ".join(f"{row.label} {typeset(row.text(float(columns[row.key][worst])))}" for row in robust)
+        known = [(float(columns[row.key][worst]), study.limits.get(row.base)) for row in robust]
+        below = any(wanted is not None and found < wanted for found, wanted in known)
+    else:
+        below = limit is not None and value < limit
     if limit is not None:
         lines.insert(0, f"the study wants {findings.margin_words(gain.key, limit)} or more")
     cards = [
         Card("Who", findings.pilot_text(results, worst)),
         Card(
             "How bad",
-            f"{'stable' if stable else 'UNSTABLE'}, gain margin {findings.margin_words(gain.key, value)}",
+            f"{'stable' if stable else 'UNSTABLE'}, {answer}",
             lines,
-            bad=not stable or (limit is not None and value < limit),
+            bad=not stable or below,
         ),
         _how_sure(results, worst, repeated, others),
         _how_many(study, results, worst, others),
@@ -89,7 +98,10 @@ def _how_sure(results: StudyResults, worst: int, repeated: Repeated | None, othe
     if repeated is not None:
         again = repeated.same and isinstance(repeated.worst, Evaluation)
         lines.append("evaluated again, he has the same margins" if again else "evaluated again, he is NOT the same")
-    if not told:
+    robust = findings.searched_quantiles(results)
+    if robust:
+        lines.append("what is not known of him is in the quantile: he was searched for by it")
+    elif not told:
         lines.append("how far what is not known of him moves his margins: “pilotgen pilot --uncertain”, not run here")
     return Card("How sure", told[0].answer if told and told[0].answer else "as far as the model goes", lines)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pilotgen.cli import main
 from pilotgen.context import EvaluationContext
 from pilotgen.evaluation import Evaluation, FailedEvaluation, evaluate
 from pilotgen.objectives import OBJECTIVES, objective, quantile, ranked_objectives
+from pilotgen.report.findings import worst_order
 from pilotgen.runs.fingerprint import fingerprint
 from pilotgen.runs.results import read_results
 from pilotgen.study.study import study_from_text
@@ -137,6 +139,32 @@ def test_a_pilot_has_one_value_with_any_workers_after_an_interruption_and_alone(
     capsys.readouterr()
     assert search(study, tmp_path / "one", "--resume") == 1
     assert "factor  1.2    1.3" in capsys.readouterr().err
+
+
+def test_the_report_tells_what_was_searched_for_and_nominal_margins_beside_it(
+    tmp_path: Path, run: Callable[..., tuple[int, str, str]]
+) -> None:
+    study = tmp_path / "s.yaml"
+    study.write_text(STUDY)
+    out = tmp_path / "o"
+    code, _, err = run("search", study, "-o", out, "--quiet", "--workers", "1", "--fail-below")
+    results = read_results(out / "study.h5")
+    order = worst_order(results)
+    first = results.columns["rank"][order] == 1
+    searched = results.columns[NAME] + results.columns["modulus_margin"]
+    assert first[0] and (np.diff(searched[order[first]]) >= 0.0).all()
+    worst = float(results.columns[NAME][order[0]])
+    nominal = float(results.columns["gain_margin_db"][order[0]])
+    assert worst < nominal
+    page = (out / "report.html").read_text()
+    told = f"{worst:.2f} dB".replace("-", "−")
+    assert f"He was searched for by the 10 % quantile of the gain margin, {told}, over 10 draws" in page
+    assert f"10 % quantile of the gain margin {told}" in page and "nominal gain margin" in page
+    assert "<th>10 % quantile of the gain margin [dB]</th><th>nominal gain margin [dB]</th>" in page
+    assert '"plane": ["gain_margin_db_10", "modulus_margin"]' in page.replace('":[', '": [').replace('","', '", "')
+    assert (
+        code == 5 and "10 % quantile of the gain margin below 6.00 dB" in err and "a nominal gain margin below" in err
+    )
 
 
 def test_other_algorithms_and_samples(tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ pilotgen.clouds = (() => {
   }
 
   function brief(pilot, more = []) {
-    const shown = model.columns.filter((column) => column.role === "variable" || column.key === "gain_margin_db" || column.key === "phase_margin_deg");
+    const shown = model.columns.filter((column) => column.role === "variable" || column.key === "gain_margin_db" || column.key === "phase_margin_deg" || (model.data.plane || []).includes(column.key));
     const lines = [...new Set([...shown, ...more])].map((column) => `${column.label} ${text.of(column, pilot)}`);
     return [text.name(pilot), ...lines];
   }

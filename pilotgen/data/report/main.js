@@ -8,10 +8,12 @@ pilotgen.start = () => {
   model.load(JSON.parse(by("pilotgen-data").textContent));
   const { data } = model;
   const finite = (key) => model.column(key) && model.column(key).values.some(Number.isFinite);
-  const second = finite("phase_margin_deg") ? "phase_margin_deg" : "modulus_margin";
-  const first = finite("gain_margin_db") ? "gain_margin_db" : second;
+  const nominalSecond = finite("phase_margin_deg") ? "phase_margin_deg" : "modulus_margin";
+  const nominalFirst = finite("gain_margin_db") ? "gain_margin_db" : nominalSecond;
+  // of a robust search: what was searched for
+  const [first, second] = data.plane || [nominalFirst, nominalSecond];
 
-  const rank = model.column(first).values;
+  const rank = model.column(nominalFirst).values;
   state.order = [...data.order];
   if (data.nominal !== null) {
     const place = state.order.findIndex((k) => rank[k] > rank[data.nominal]);
