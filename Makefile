@@ -69,16 +69,16 @@ build: build/release.stamp ## Build the solver and its tests (build/solver)
 # The same build directory that the installation used, now with the tests.
 build/release.stamp: build/system-test.stamp $(VENV)/installed.stamp
 	@echo "Building the solver's tests"
-	@cmake -S solvers -B build/solver -G Ninja -DMBDAE_BUILD_TESTS=ON >build/cmake.log || { cat build/cmake.log; exit 1; }
-	@cmake --build build/solver >build/ninja.log || { cat build/ninja.log; exit 1; }
+	@cmake -S solvers -B build/solver -G Ninja -DMBDAE_BUILD_TESTS=ON >build/release.log || { cat build/release.log; exit 1; }
+	@cmake --build build/solver >build/release.log || { cat build/release.log; exit 1; }
 	@touch $@
 
 build/sanitize.stamp: build/system-test.stamp $(SOLVER_SOURCES)
 	@echo "Building the solver's tests with sanitizers"
 	@cmake -S solvers -B build/sanitize -G Ninja -DMBDAE_SANITIZE=ON -DMBDAE_BUILD_FUZZERS=ON \
 	    -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=RelWithDebInfo \
-	    -DCMAKE_CXX_FLAGS_RELWITHDEBINFO='-O1 -g1' >build/cmake.log || { cat build/cmake.log; exit 1; }
-	@cmake --build build/sanitize >build/ninja.log || { cat build/ninja.log; exit 1; }
+	    -DCMAKE_CXX_FLAGS_RELWITHDEBINFO='-O1 -g1' >build/sanitize.log || { cat build/sanitize.log; exit 1; }
+	@cmake --build build/sanitize >build/sanitize.log || { cat build/sanitize.log; exit 1; }
 	@touch $@
 
 # ---- use ---------------------------------------------------------------------------------------------------------
@@ -109,8 +109,12 @@ bench: install ## Measure where the time goes
 
 # ---- checks ------------------------------------------------------------------------------------------------------
 
+# Parts that keep one core busy (pip, mypy) run beside the compilers; pytest, some of whose tests look at the clock, alone.
 .PHONY: test
-test: install style solver-tests python-tests ## Style, types, the solver's tests (sanitizers too), pytest
+test: ## Style, types, the solver's tests (sanitizers too), pytest
+	@echo "Installation, style and types, the solver's builds and tests side by side; each part tells when it is done"
+	@$(MAKE) -j $(JOBS) --output-sync=target style solver-tests
+	@$(MAKE) python-tests
 
 .PHONY: style
 style: install build/system-test.stamp
@@ -130,11 +134,11 @@ solver-tests: build/release.stamp build/sanitize.stamp
 .PHONY: python-tests
 python-tests: install build/system-test.stamp
 	@echo "== pytest"
-	@$(BIN)/python -m pytest -q -n $(JOBS)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal
 
 .PHONY: coverage
 coverage: install build/system-test.stamp ## Run the Python tests and tell which branches none of them takes (at least 90 % must be taken)
-	@$(BIN)/python -m pytest -q -n $(JOBS) --cov --cov-report=term
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal --cov --cov-report=term
 
 .PHONY: format
 format: install build/system-test.stamp ## Format all sources

@@ -6,13 +6,14 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from pilotgen.runs.journal import JOURNAL_NAME
@@ -109,3 +110,35 @@ def kill(pid: int) -> None:
 def assert_all_gone(pids: list[int]) -> None:
     """None of these processes is left."""
     wait_until(lambda: not any(map(alive, pids)), f"end of {[command_of(pid) for pid in pids if alive(pid)]}")
+
+
+# ---- dask: a scheduler and workers in processes of their own
+
+
+def start_dask(role: str, *arguments: str) -> subprocess.Popen[bytes]:
+    """Start a `scheduler` or a `worker`."""
+    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@contextlib.contextmanager
+def dask_scheduler(directory: Path, host: str = "127.0.0.1", more: Sequence[str] = ()) -> Iterator[str]:
+    """A scheduler, known by its address; it leaves a file in the directory."""
+    path = directory / "scheduler.json"
+    process = start_dask(
+        "scheduler", "--host", host, "--port", "0", "--no-dashboard", "--scheduler-file", str(path), *more
+    )
+    try:
+        wait_until(lambda: path.exists() and path.stat().st_size > 0, "the scheduler")
+        yield str(json.loads(path.read_text())["address"])
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def start_dask_worker(address: str, directory: Path, more: Sequence[str] = ()) -> subprocess.Popen[bytes]:
+    """A worker without a nanny: killed, it stays dead."""
+    return start_dask(
+        "worker", address, "--nworkers", "1", "--nthreads", "1", "--no-nanny", "--no-dashboard",
+        "--local-directory", str(directory), *more,
+    )  # fmt: skip

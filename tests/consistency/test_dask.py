@@ -12,7 +12,19 @@ from pathlib import Path
 
 import pytest
 import yaml
-from processes import PATIENCE_S, assert_all_gone, children, command_of, kill, recorded, run, start, wait_until
+from processes import (
+    PATIENCE_S,
+    assert_all_gone,
+    children,
+    command_of,
+    dask_scheduler,
+    kill,
+    recorded,
+    run,
+    start,
+    start_dask_worker,
+    wait_until,
+)
 
 pytest.importorskip("distributed")
 
@@ -29,45 +41,29 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def _dask(role: str, *arguments: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the scheduler and its workers put their files."""
+    return tmp_path_factory.mktemp("dask")
 
 
 @pytest.fixture(scope="module")
-def scheduler_file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    path = tmp_path_factory.mktemp("dask") / "scheduler.json"
-    process = _dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(path))
-    try:
-        wait_until(lambda: path.exists() and path.stat().st_size > 0, "the scheduler")
-        yield path
-    finally:
-        process.terminate()
-        process.wait()
-
-
-def address_of(scheduler_file: Path) -> str:
-    return str(yaml.safe_load(scheduler_file.read_text())["address"])
-
-
-def start_worker(scheduler_file: Path) -> subprocess.Popen[bytes]:
-    """A worker without a nanny: killed, it stays dead."""
-    return _dask(
-        "worker", "--scheduler-file", str(scheduler_file), "--nworkers", "1", "--nthreads", "1", "--no-nanny",
-        "--no-dashboard", "--local-directory", str(scheduler_file.parent),
-    )  # fmt: skip
+def scheduler(place: Path) -> Iterator[str]:
+    """Address of a scheduler."""
+    with dask_scheduler(place) as address:
+        yield address
 
 
 def test_cluster_gives_the_same_bytes_even_when_a_worker_is_murdered(
-    study: Path, scheduler_file: Path, tmp_path: Path, mbdae: Path
+    study: Path, scheduler: str, place: Path, tmp_path: Path
 ) -> None:
     local = run("search", study, "-o", tmp_path / "local", "--workers", "2", "--no-report", "--quiet")
     assert local.returncode == 0, local.stderr
-    workers = [start_worker(scheduler_file) for _ in range(2)]
+    workers = [start_dask_worker(scheduler, place) for _ in range(2)]
     directory = tmp_path / "cluster"
     process = start(
         "search", study, "-o", directory, "--no-report", "--quiet",
-        "--executor", "dask", "--scheduler", address_of(scheduler_file),
+        "--executor", "dask", "--scheduler", scheduler,
     )  # fmt: skip
     try:
         wait_until(lambda: recorded(directory) >= 18 or process.poll() is not None, "the second generation")
@@ -89,15 +85,17 @@ def test_cluster_gives_the_same_bytes_even_when_a_worker_is_murdered(
     assert (directory / "study.h5").read_bytes() == (tmp_path / "local" / "study.h5").read_bytes()
 
 
-def test_worker_with_another_solver_is_refused(study: Path, scheduler_file: Path, tmp_path: Path, mbdae: Path) -> None:
+def test_worker_with_another_solver_is_refused(
+    study: Path, scheduler: str, place: Path, tmp_path: Path, mbdae: Path
+) -> None:
     other = tmp_path / "mbdae"
     other.write_bytes(mbdae.read_bytes() + b"\0")  # runs all the same
     other.chmod(0o755)
-    worker = start_worker(scheduler_file)
+    worker = start_dask_worker(scheduler, place)
     try:
         done = run(
             "search", study, "-o", tmp_path / "out", "--no-report", "--quiet",
-            "--executor", "dask", "--scheduler", address_of(scheduler_file), PILOTGEN_MBDAE=str(other),
+            "--executor", "dask", "--scheduler", scheduler, PILOTGEN_MBDAE=str(other),
         )  # fmt: skip
     finally:
         worker.terminate()
@@ -122,9 +120,14 @@ def test_local_cluster_is_started_and_stopped(study: Path, tmp_path: Path) -> No
 
 
 def test_no_scheduler_is_told(study: Path, tmp_path: Path) -> None:
-    done = run(
-        "search", study, "-o", tmp_path / "out", "--no-report", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9"
+    """In a process of its own, as dask leaves threads behind; a second is patience enough where nobody is."""
+    code = (
+        "import sys, pilotgen.runs.dask, pilotgen.cli\n"
+        "pilotgen.runs.dask.CONNECT_TIMEOUT_S = 1.0\n"
+        "sys.exit(pilotgen.cli.main(sys.argv[1:]))"
     )
+    command = ["search", study, "-o", tmp_path / "out", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9"]
+    done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "no dask scheduler answers there" in done.stderr
     assert "Traceback" not in done.stderr
@@ -149,34 +152,23 @@ def test_a_scheduler_with_certificates(certificate: tuple[Path, Path], tmp_path:
     """Who has no certificate is told; who has one gets the bytes of a local run."""
     cert, key = map(str, certificate)
     tls = ["--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key]
-    place = tmp_path / "scheduler.json"
-    scheduler = _dask(
-        "scheduler", "--host", "tls://127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place), *tls
-    )
-    worker = None
     mayo = STUDIES / "puma-mayo.yaml"
-    try:
-        wait_until(lambda: place.exists() and place.stat().st_size > 0, "the scheduler")
-        address = address_of(place)
+    with dask_scheduler(tmp_path, "tls://127.0.0.1", tls) as address:
         assert address.startswith("tls://")
-        worker = _dask(
-            "worker", address, "--nworkers", "1", "--nthreads", "1", "--no-nanny", "--no-dashboard",
-            "--local-directory", str(tmp_path), *tls,
-        )  # fmt: skip
-        command = ("sample", mayo, "-n", "6", "--quiet", "--executor", "dask", "--scheduler", address)
-        done = run(*command, "-o", tmp_path / "none")
-        assert done.returncode == 1 and "Traceback" not in done.stderr
-        assert "DASK_DISTRIBUTED__COMM__TLS__CA_FILE" in done.stderr.splitlines()[-1]
-        prefix = "DASK_DISTRIBUTED__COMM__TLS__"
-        names = {f"{prefix}CA_FILE": cert, f"{prefix}CLIENT__CERT": cert, f"{prefix}CLIENT__KEY": key}
-        done = run(*command, "-o", tmp_path / "tls", **names)
-        assert done.returncode == 0, done.stderr
-        assert "anybody who reaches" not in done.stderr
-    finally:
-        for process in (worker, scheduler):
-            if process is not None:
-                process.terminate()
-                process.wait()
+        worker = start_dask_worker(address, tmp_path, tls)
+        try:
+            command = ("sample", mayo, "-n", "6", "--quiet", "--executor", "dask", "--scheduler", address)
+            done = run(*command, "-o", tmp_path / "none")
+            assert done.returncode == 1 and "Traceback" not in done.stderr
+            assert "DASK_DISTRIBUTED__COMM__TLS__CA_FILE" in done.stderr.splitlines()[-1]
+            prefix = "DASK_DISTRIBUTED__COMM__TLS__"
+            names = {f"{prefix}CA_FILE": cert, f"{prefix}CLIENT__CERT": cert, f"{prefix}CLIENT__KEY": key}
+            done = run(*command, "-o", tmp_path / "tls", **names)
+            assert done.returncode == 0, done.stderr
+            assert "anybody who reaches" not in done.stderr
+        finally:
+            worker.terminate()
+            worker.wait()
     local = run("sample", mayo, "-n", "6", "--quiet", "--workers", "1", "-o", tmp_path / "local")
     assert local.returncode == 0, local.stderr
     assert (tmp_path / "tls" / "study.h5").read_bytes() == (tmp_path / "local" / "study.h5").read_bytes()

@@ -5,10 +5,22 @@ SPDX-License-Identifier: BSD-3-Clause
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from processes import assert_all_gone, descendants, kill, recorded, run, start, wait_until
+from processes import (
+    assert_all_gone,
+    dask_scheduler,
+    descendants,
+    kill,
+    recorded,
+    run,
+    start,
+    start_dask_worker,
+    wait_until,
+)
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 RUNS = {
@@ -22,11 +34,26 @@ RUNS = {
 }
 
 
+Undisturbed = Callable[[str], Path]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+    """Directory of a run by its name, run once, without disturbance."""
+
+    @functools.cache
+    def directory(name: str) -> Path:
+        place = tmp_path_factory.mktemp(name) / "out"
+        done = run(*RUNS[name][0], "-o", place, "--workers", "2", "--quiet")
+        assert done.returncode == 0, done.stderr
+        return place
+
+    return directory
+
+
 @pytest.mark.parametrize("name", list(RUNS))
-def test_killed_it_goes_on_where_it_was(name: str, tmp_path: Path) -> None:
+def test_killed_it_goes_on_where_it_was(name: str, undisturbed: Undisturbed, tmp_path: Path) -> None:
     command, files = RUNS[name]
-    done = run(*command, "-o", tmp_path / "whole", "--workers", "2", "--quiet")
-    assert done.returncode == 0, done.stderr
     process = start(*command, "-o", tmp_path / "killed", "--workers", "2", "--quiet")
     wait_until(lambda: recorded(tmp_path / "killed") >= 8 or process.poll() is not None, "some evaluations")
     family = descendants(process.pid)
@@ -37,17 +64,30 @@ def test_killed_it_goes_on_where_it_was(name: str, tmp_path: Path) -> None:
     done = run(*command, "-o", tmp_path / "killed", "--workers", "1", "--quiet", "--resume")
     assert done.returncode == 0, done.stderr
     for file in files:
-        assert (tmp_path / "killed" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
+        assert (tmp_path / "killed" / file).read_bytes() == (undisturbed(name) / file).read_bytes()
     assert not list((tmp_path / "killed").glob("*.part"))
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a scheduler with two workers."""
+    pytest.importorskip("distributed")
+    directory = tmp_path_factory.mktemp("dask")
+    with dask_scheduler(directory) as address:
+        workers = [start_dask_worker(address, directory) for _ in range(2)]
+        try:
+            yield address
+        finally:
+            for worker in workers:
+                worker.terminate()
+                worker.wait()
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", list(RUNS))
-def test_on_a_cluster(name: str, tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
+def test_on_a_cluster(name: str, cluster: str, undisturbed: Undisturbed, tmp_path: Path) -> None:
     command, files = RUNS[name]
-    for place, more in (("here", ()), ("dask", ("--executor", "dask"))):
-        done = run(*command, "-o", tmp_path / place, "--workers", "2", "--quiet", *more)
-        assert done.returncode == 0, done.stderr
+    done = run(*command, "-o", tmp_path / "dask", "--quiet", "--executor", "dask", "--scheduler", cluster)
+    assert done.returncode == 0, done.stderr
     for file in files:
-        assert (tmp_path / "here" / file).read_bytes() == (tmp_path / "dask" / file).read_bytes()
+        assert (tmp_path / "dask" / file).read_bytes() == (undisturbed(name) / file).read_bytes()

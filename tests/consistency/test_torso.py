@@ -170,26 +170,27 @@ def test_without_reflex_every_mode_of_the_torso_alone_is_damped(nominal: SolvedP
 # ---- people ----------------------------------------------------------------------------------------------------------
 
 
-def apparent_mass(pilot: SolvedPilot, hz: np.ndarray) -> np.ndarray:
-    """Vertical force on the seat over its vertical acceleration [kg], arm included, by the independent model."""
+def apparent_mass(pilot: SolvedPilot) -> Callable[[np.ndarray], np.ndarray]:
+    """Vertical force on the seat over its vertical acceleration [kg], by frequency [Hz], by the independent model."""
     model = independent(pilot)
     M, C, K, b, _ = model.reduced(pilot.activations.values, GAINS.proportional_gain, GAINS.derivative_gain)
     arms = sum(pilot.torso.torso.carried_arms.values()) if pilot.torso else 0.0
     total = sum(row.mass_kg for row in model.bodies) + arms + float(model.arm.masses().sum())
-    found = []
-    for frequency in hz:
-        s = 2j * np.pi * frequency
-        found.append(total + s**2 * (b @ np.linalg.solve(M * s**2 + C * s + K, -b)))
-    return np.array(found)
+
+    def at(hz: np.ndarray) -> np.ndarray:
+        s = 2j * np.pi * hz
+        return np.array([total + z**2 * (b @ np.linalg.solve(M * z**2 + C * z + K, -b)) for z in s])
+
+    return at
 
 
 def resonance(pilot: SolvedPilot) -> tuple[float, float, float]:
     """Peak of the apparent mass [Hz], its ratio to the static mass, and the mass at 1 Hz over that of the body."""
+    at = apparent_mass(pilot)
     hz = np.arange(3.0, 7.5, 0.05)
-    modulus = np.abs(apparent_mass(pilot, hz))
-    static = float(abs(apparent_mass(pilot, np.array([0.2]))[0]))
-    at_1_hz = float(abs(apparent_mass(pilot, np.array([1.0]))[0])) / pilot.biometrics.mass_kg
-    return float(hz[modulus.argmax()]), float(modulus.max()) / static, at_1_hz
+    modulus = np.abs(at(hz))
+    static, at_1_hz = np.abs(at(np.array([0.2, 1.0])))
+    return float(hz[modulus.argmax()]), float(modulus.max() / static), float(at_1_hz) / pilot.biometrics.mass_kg
 
 
 BARE = {  # a rigid seat without back, as in laboratories
