@@ -23,9 +23,8 @@ from pilotgen.loop.margins import Margins
 from pilotgen.loop.units import CONTROLS
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.output import STUDY_FILES, claimed
-from pilotgen.people_api import Found, rare_share, sample_population, sensitivity_of, uncertain_pilot
+from pilotgen.people_api import Found, begun, rare_share, sample_population, sensitivity_of, uncertain_pilot
 from pilotgen.runs.batch import RESULTS_NAME, OnProgress, Progress
-from pilotgen.runs.monitor import heard
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.results import Row, StudyResults, columns_of, flat_columns, read_results, structured_array
 from pilotgen.study.loop_section import LoopSignals
@@ -370,16 +369,14 @@ def search_pilots(
     """
     from pilotgen.runs.search_study import search_study
 
-    study = study.with_own_text()  # what was changed after reading is written down too
-    options = options or RunOptions()
-    with claimed(Path(directory), "search", STUDY_FILES, options.resume, overwrite) as place:
-        with heard(place, on_progress) as told:
-            run = search_study(study, place, options, told)
+    with begun(study, directory, "search", STUDY_FILES, options, on_progress, overwrite) as run:
+        done = search_study(run.study, run.directory, run.options, run.told)
         if report:
             from pilotgen.report import write_report
 
-            write_report(place, study, run.results, options.mbdae, options.solver, options.mbdyn)
-    return open_results(run.path)
+            chosen = run.options
+            write_report(run.directory, run.study, done.results, chosen.mbdae, chosen.solver, chosen.mbdyn)
+    return open_results(done.path)
 
 
 def sample_pilots(
@@ -407,14 +404,9 @@ def sample_pilots(
     """
     from pilotgen.runs.sample_study import sample_study
 
-    study = study.with_own_text()
-    options = options or RunOptions()
-    with (
-        claimed(Path(directory), "sample", STUDY_FILES, options.resume, overwrite) as place,
-        heard(place, on_progress) as told,
-    ):
-        run = sample_study(study, place, number, method, seed, options, told)
-    return open_results(run.path)
+    with begun(study, directory, "sample", STUDY_FILES, options, on_progress, overwrite) as run:
+        done = sample_study(run.study, run.directory, number, method, seed, run.options, run.told)
+    return open_results(done.path)
 
 
 def open_results(path: str | os.PathLike[str]) -> StudyResult:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import copy
 import csv
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from pilotgen.evaluation import Evaluation, evaluate
 from pilotgen.output import claimed
 from pilotgen.runs import population_study, rare_study, sensitivity_study, uncertain_study
 from pilotgen.runs.batch import OnProgress, Progress
+from pilotgen.runs.monitor import heard
 from pilotgen.runs.options import RunOptions
 from pilotgen.study.study import Study
 from pilotgen.uncertain.draws import Draws
@@ -73,6 +75,35 @@ class Found:
         return np.atleast_1d(table)
 
 
+@dataclass(frozen=True)
+class Begun:
+    """A run that has its directory: the study as it is written down there, options, and who is told of progress."""
+
+    study: Study
+    directory: Path
+    options: RunOptions
+    told: OnProgress
+
+
+@contextmanager
+def begun(
+    study: Study,
+    directory: str | os.PathLike[str],
+    kind: str,
+    files: tuple[str, ...],
+    options: RunOptions | None,
+    on_progress: OnProgress | None,
+    overwrite: bool,
+) -> Iterator[Begun]:
+    """Claim a directory for a run of this kind, which leaves `files`; its heartbeat is written. Raises as `claimed`."""
+    options = options or RunOptions()
+    with (
+        claimed(Path(directory), kind, files, options.resume, overwrite) as place,
+        heard(place, on_progress) as told,
+    ):
+        yield Begun(study.with_own_text(), place, options, told)  # what was changed after reading is written down too
+
+
 def sample_population(
     study: Study,
     directory: str | os.PathLike[str],
@@ -96,11 +127,11 @@ def sample_population(
     seed : int, optional
         The study's own by default.
     """
-
-    def run(mine: Study, place: Path, chosen: RunOptions) -> population_study.PopulationRun:
-        return population_study.population_study(mine, place, number, until_width, seed, chosen, on_progress)
-
-    return _run(study, directory, "population", population_study.FILES, options, overwrite, run, 0)
+    with begun(study, directory, "population", population_study.FILES, options, on_progress, overwrite) as run:
+        done = population_study.population_study(
+            run.study, run.directory, number, until_width, seed, run.options, run.told
+        )
+    return Found(run.directory / population_study.RESULT_NAME, done.content, done.progress)
 
 
 def rare_share(
@@ -124,11 +155,9 @@ def rare_share(
     event : str
         `unstable`, or a margin of which the study has a limit.
     """
-
-    def run(mine: Study, place: Path, chosen: RunOptions) -> population_study.PopulationRun:
-        return rare_study.rare_study(mine, place, number, event, seed, chosen, on_progress)
-
-    return _run(study, directory, "population", population_study.FILES, options, overwrite, run, 1)
+    with begun(study, directory, "population", population_study.FILES, options, on_progress, overwrite) as run:
+        done = rare_study.rare_study(run.study, run.directory, number, event, seed, run.options, run.told)
+    return Found(run.directory / rare_study.RESULT_NAME, done.content, done.progress)
 
 
 def sensitivity_of(
@@ -152,11 +181,11 @@ def sensitivity_of(
     method : str
         "sobol", "morris", "surrogate" or "anova".
     """
-
-    def run(mine: Study, place: Path, chosen: RunOptions) -> sensitivity_study.SensitivityRun:
-        return sensitivity_study.sensitivity_study(mine, place, number, method, seed, chosen, on_progress)
-
-    return _run(study, directory, "sensitivity", sensitivity_study.FILES, options, overwrite, run, 0)
+    with begun(study, directory, "sensitivity", sensitivity_study.FILES, options, on_progress, overwrite) as run:
+        done = sensitivity_study.sensitivity_study(
+            run.study, run.directory, number, method, seed, run.options, run.told
+        )
+    return Found(run.directory / sensitivity_study.RESULT_NAME, done.content, done.progress)
 
 
 def uncertain_pilot(
@@ -189,35 +218,14 @@ def uncertain_pilot(
     Draws(study, 1).changes(0, study.values(values or {}))  # a slip of the caller, before anything is written
     if options is not None and options.resume:
         uncertain_study.check_going_on(Path(directory), study.with_own_text())
-
-    def run(mine: Study, place: Path, chosen: RunOptions) -> uncertain_study.UncertainRun:
-        with EvaluationContext(mine, chosen.mbdae, chosen.solver, chosen.mbdyn, chosen.time_limit_s) as context:
-            nominal = evaluate(context, mine.values(values or {}))
+    with begun(study, directory, "uncertain", uncertain_study.FILES, options, on_progress, overwrite) as run:
+        chosen = run.options
+        with EvaluationContext(run.study, chosen.mbdae, chosen.solver, chosen.mbdyn, chosen.time_limit_s) as context:
+            nominal = evaluate(context, run.study.values(values or {}))
             if not isinstance(nominal, Evaluation):
                 raise EvaluationError(nominal.stage, nominal.reason)
-            return uncertain_study.uncertain_study(context, nominal, place, number, chosen, on_progress)
-
-    return _run(study, directory, "uncertain", uncertain_study.FILES, options, overwrite, run, 0)
-
-
-Done = population_study.PopulationRun | sensitivity_study.SensitivityRun | uncertain_study.UncertainRun
-
-
-def _run(
-    study: Study,
-    directory: str | os.PathLike[str],
-    kind: str,
-    files: tuple[str, ...],
-    options: RunOptions | None,
-    overwrite: bool,
-    run: Callable[[Study, Path, RunOptions], Done],
-    result: int,
-) -> Found:
-    """Run in the claimed directory; `files[result]` is what it leaves."""
-    options = options or RunOptions()
-    with claimed(Path(directory), kind, files, options.resume, overwrite) as place:
-        done = run(study.with_own_text(), place, options)
-    return Found(Path(directory) / files[result], done.content, done.progress)
+            done = uncertain_study.uncertain_study(context, nominal, run.directory, number, chosen, run.told)
+    return Found(run.directory / uncertain_study.RESULT_NAME, done.content, done.progress)
 
 
 def _indices(content: Mapping[str, Any], objective: str | None) -> np.ndarray:

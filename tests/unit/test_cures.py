@@ -20,7 +20,7 @@ from pilotgen.cures import catalogue, optimum
 from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.optimum import cheapest, cost_of
 from pilotgen.errors import StudyError
-from pilotgen.runs import cures_maps, cures_study
+from pilotgen.runs import cures_in_time, cures_maps, cures_study
 from pilotgen.runs.cures_clinic import Clinic, critical_hz
 from pilotgen.runs.cures_in_time import smallest_swings
 from pilotgen.runs.cures_maps import map_pairs
@@ -258,6 +258,7 @@ def test_friction_is_told_for_its_swing_and_never_proposed_unasked(
 ) -> None:
     monkeypatch.setattr(cures_maps, "MAP_POINTS", 3)
     monkeypatch.setattr(cures_study, "CURVE_POINTS", 4)
+    monkeypatch.setattr(cures_in_time, "LEVELS_N", (0.0, 5.0, 20.0))  # N
     text = MULTIBODY.replace("population: 100", "population: 4").replace("generations: 30", "generations: 1")
     text = text.replace("gearing_rad_per_m: 1.1", "gearing_rad_per_m: 2.6")
     study = tmp_path / "study.yaml"

@@ -25,6 +25,7 @@ def test_people_are_those_of_the_command(tmp_path: Path) -> None:
         study, tmp_path / "a", 6, options=pg.RunOptions(workers=1), on_progress=lambda one, _: seen.append(one.done)
     )
     assert seen[-1] == 6 and found.progress.done == 6
+    assert json.loads((tmp_path / "a" / ".heartbeat.json").read_text())["done"] == 6  # for `pilotgen status`
     ask = ["population", str(STUDIES / "puma-population.yaml"), "-n", "6", "-o", str(tmp_path / "b"), "--workers", "2"]
     assert main([*ask, "--quiet", "--no-figures"]) == 0
     for name in ("people.csv", "population.json"):
