@@ -98,19 +98,6 @@ class MatrixLoop:
         """All margins of each loop with the others closed."""
         return {control: margins(self.one_open(control)) for control in self.controls}
 
-    def eigenvalue_loci(self, omega: npt.ArrayLike) -> ComplexArray:
-        """Eigenvalues of L(j omega), shape (f, m), each column one continuous branch: the generalised Nyquist plot."""
-        values: ComplexArray = np.linalg.eigvals(self.response(omega)).astype(np.complex128)
-        for k in range(1, len(values)):
-            left = list(range(values.shape[1]))
-            order = []
-            for previous in values[k - 1]:
-                nearest = min(left, key=lambda j: abs(values[k, j] - previous))
-                order.append(nearest)
-                left.remove(nearest)
-            values[k] = values[k, order]
-        return values
-
     def disk_margin(self) -> tuple[float, float]:
         """Multi-loop disk margin alpha, a guaranteed lower bound, and its frequency [Hz].
 

@@ -15,7 +15,7 @@ from pilotgen.cures.catalogue import Cure, catalogue, cures_for
 from pilotgen.cures.optimum import cost_of
 from pilotgen.errors import StudyError
 from pilotgen.objectives import OBJECTIVES
-from pilotgen.runs.cures_clinic import Clinic, Patient, margins_of
+from pilotgen.runs.cures_evaluator import CureEvaluator, NamedPilot, margins_of
 from pilotgen.study.study import Study
 
 MAP_POINTS = 20  # along each side
@@ -50,29 +50,29 @@ def pair_that_buys_most(cures: Sequence[Cure], alone: Sequence[Mapping[str, Any]
     return [(ranked[0], ranked[1])] if len(ranked) > 1 else []
 
 
-def cure_maps(clinic: Clinic, pairs: Sequence[Pair], patients: Sequence[Patient]) -> list[dict[str, Any]]:
+def cure_maps(evaluator: CureEvaluator, pairs: Sequence[Pair], pilots: Sequence[NamedPilot]) -> list[dict[str, Any]]:
     """One map for each pair and pilot, as cures.json has it."""
     found = []
     for one, two in pairs:
         x, y = (np.linspace(cure.low, cure.high, MAP_POINTS) for cure in (one, two))
-        doses = [{one.key: float(a), two.key: float(b)} for b, a in itertools.product(y, x)]
-        for patient in patients:
-            results = clinic.treated([patient.values] * len(doses), doses)
-            clinic.batch.report(milestone=True)
-            missed = np.array([clinic.violation(result) for result in results])
-            cost = cost_of((one, two), np.array([list(dose.values()) for dose in doses]))
+        amounts_each = [{one.key: float(a), two.key: float(b)} for b, a in itertools.product(y, x)]
+        for pilot in pilots:
+            results = evaluator.with_cures([pilot.values] * len(amounts_each), amounts_each)
+            evaluator.batch.report(milestone=True)
+            missed = np.array([evaluator.violation(result) for result in results])
+            cost = cost_of((one, two), np.array([list(amounts.values()) for amounts in amounts_each]))
             kept = int(np.count_nonzero(missed <= 0.0))
             k = int(np.argmin(np.where(missed <= 0.0, cost, np.inf) if kept else missed))
             found.append(
                 {
-                    "pilot": patient.name,
+                    "pilot": pilot.name,
                     **{
                         side: {"key": cure.key, "label": cure.label, "unit": cure.unit, "amounts": amounts.tolist()}
                         for side, cure, amounts in (("x", one, x), ("y", two, y))
                     },
                     "margins": {key: _rows(values) for key, values in margins_of(results).items()},
                     "keeps_limits": _rows((missed <= 0.0).tolist()),
-                    "sentence": _sentence(clinic, patient, (one, two), doses[k], kept, len(doses)),
+                    "sentence": _sentence(evaluator, pilot, (one, two), amounts_each[k], kept, len(amounts_each)),
                 }
             )
     return found
@@ -82,12 +82,14 @@ def _rows(values: Sequence[Any]) -> list[list[Any]]:
     return [list(values[k : k + MAP_POINTS]) for k in range(0, len(values), MAP_POINTS)]
 
 
-def _sentence(clinic: Clinic, patient: Patient, pair: Pair, dose: Mapping[str, float], kept: int, points: int) -> str:
-    limits = " and ".join(OBJECTIVES[key].text(limit) for key, limit in clinic.limits.items())
-    used = " and ".join(cure.told(dose[cure.key]) for cure in pair if dose[cure.key]) or "neither of the two"
-    where = f"{pair[0].label} and {pair[1].label}, {patient.name} pilot"
+def _sentence(
+    evaluator: CureEvaluator, pilot: NamedPilot, pair: Pair, amounts: Mapping[str, float], kept: int, points: int
+) -> str:
+    limits = " and ".join(OBJECTIVES[key].text(limit) for key, limit in evaluator.limits.items())
+    used = " and ".join(cure.told(amounts[cure.key]) for cure in pair if amounts[cure.key]) or "neither of the two"
+    where = f"{pair[0].label} and {pair[1].label}, {pilot.name} pilot"
     if any(cure.by_name for cure in pair):
-        where += f", swings of {1e3 * clinic.swing_m:g} mm"
+        where += f", swings of {1e3 * evaluator.swing_m:g} mm"
     if not limits:
         return f"{where}: the study has no limits to draw"
     if not kept:

@@ -25,12 +25,12 @@ from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.population.shares import Share
 from pilotgen.runs.batch import OnProgress, Progress
-from pilotgen.runs.cures_clinic import (
+from pilotgen.runs.cures_evaluator import (
     BREED_POPULATION,
     FRICTION,
     Amounts,
-    Clinic,
-    Patient,
+    CureEvaluator,
+    NamedPilot,
     critical_hz,
     gain_db,
     margins_of,
@@ -110,32 +110,32 @@ def cures_study(
     pairs = map_pairs(study, maps)
     swing_mm = _swing_mm(study, swing_mm, any(cure.key == FRICTION for cure in itertools.chain(cures, *pairs)))
     check_rotorcraft(study, NO_CURE)
-    crowd = _people(study, people)
+    drawn_people = _people(study, people)
     progress = Progress()
     with open_batch(study, directory, KIND, options, BREED_POPULATION, on_progress, progress, say) as batch:
-        clinic = Clinic(study, batch, 1e-3 * swing_mm)
-        nominal = clinic.patient("nominal", {})
-        worst = clinic.worst_of({}, "worst")
-        clinic.critical_hz = critical_hz(worst.before)
+        evaluator = CureEvaluator(study, batch, 1e-3 * swing_mm)
+        nominal = evaluator.pilot("nominal", {})
+        worst = evaluator.worst_of({}, "worst")
+        evaluator.critical_hz = critical_hz(worst.before)
         batch.report(milestone=True)
-        alone = [_alone(clinic, cure, (worst, nominal)) for cure in cures]
+        alone = [_alone(evaluator, cure, (worst, nominal)) for cure in cures]
         alone.sort(key=lambda found: (found["by_name"], -found["best"]["worst"]["bought"]))
         batch.report(milestone=True)
-        drawn = cure_maps(clinic, pairs or pair_that_buys_most(cures, alone), (worst, nominal))
-        proposal, optimum = _proposal(clinic, proposable(cures, only), worst, nominal)
+        drawn = cure_maps(evaluator, pairs or pair_that_buys_most(cures, alone), (worst, nominal))
+        proposal, optimum = _proposal(evaluator, proposable(cures, only), worst, nominal)
         content: dict[str, Any] = {
             "filetype": FILETYPE,
             "version": VERSION,
             "sentence": "",
-            "limits": clinic.limits,
-            "critical_hz": clinic.critical_hz,
+            "limits": evaluator.limits,
+            "critical_hz": evaluator.critical_hz,
             "swing_mm": swing_mm,
-            "pilots": {p.name: clinic.told(p.values, p.before) for p in (worst, nominal)},
+            "pilots": {p.name: evaluator.told(p.values, p.before) for p in (worst, nominal)},
             "cures": alone,
-            "tasks": _tasks(clinic, (worst, nominal)),
+            "tasks": _tasks(evaluator, (worst, nominal)),
             "maps": drawn,
             "proposal": proposal,
-            "population": _before_and_after(clinic, crowd, proposal["amounts"]),
+            "population": _before_and_after(evaluator, drawn_people, proposal["amounts"]),
             "caveats": caveats(study, worst.before),
             **provenance(study, KIND, batch, study.search.seed, "all points", options.mbdae),
         }
@@ -170,12 +170,12 @@ def _swing_mm(study: Study, given: float | None, friction: bool) -> float:
 # ---- each cure alone
 
 
-def _alone(clinic: Clinic, cure: Cure, patients: Sequence[Patient]) -> dict[str, Any]:
-    """Margins of the patients over the amounts of one cure, and what going all the way buys."""
+def _alone(evaluator: CureEvaluator, cure: Cure, pilots: Sequence[NamedPilot]) -> dict[str, Any]:
+    """Margins of the pilots over the amounts of one cure, and what going all the way buys."""
     amounts = np.linspace(cure.low, cure.high, CURVE_POINTS)
     if cure.low < 0.0 < cure.high:
         amounts = np.unique(np.append(amounts, 0.0))
-    doses = [{cure.key: float(x)} for x in amounts]
+    amounts_each = [{cure.key: float(x)} for x in amounts]
     found: dict[str, Any] = {
         "key": cure.key,
         "label": cure.label,
@@ -189,23 +189,25 @@ def _alone(clinic: Clinic, cure: Cure, patients: Sequence[Patient]) -> dict[str,
         "margins": {},
         "best": {},
     }
-    for patient in patients:
-        results = clinic.treated([patient.values] * len(doses), doses)
-        found["margins"][patient.name] = margins_of(results)
-        score = np.array([-clinic.violation(r) if clinic.limits else gain_db(r) for r in results])
+    for pilot in pilots:
+        results = evaluator.with_cures([pilot.values] * len(amounts_each), amounts_each)
+        found["margins"][pilot.name] = margins_of(results)
+        score = np.array([-evaluator.violation(r) if evaluator.limits else gain_db(r) for r in results])
         k = int(np.argmax(score))
-        gains = np.array([gain_db(result) for result in results]) - gain_db(patient.before)
-        enough = _enough(clinic, cure, patient, amounts, score) if clinic.limits else None
-        found["best"][patient.name] = {
+        gains = np.array([gain_db(result) for result in results]) - gain_db(pilot.before)
+        enough = _enough(evaluator, cure, pilot, amounts, score) if evaluator.limits else None
+        found["best"][pilot.name] = {
             "amount": float(amounts[k]),
             "bought": float(gains[k]) if math.isfinite(gains[k]) else 0.0,
             "enough": enough,
-            "sentence": _what_it_buys(clinic, cure, float(amounts[k]), gains, k, enough, patient.name),
+            "sentence": _what_it_buys(evaluator, cure, float(amounts[k]), gains, k, enough, pilot.name),
         }
     return found
 
 
-def _enough(clinic: Clinic, cure: Cure, patient: Patient, amounts: np.ndarray, score: np.ndarray) -> float | None:
+def _enough(
+    evaluator: CureEvaluator, cure: Cure, pilot: NamedPilot, amounts: np.ndarray, score: np.ndarray
+) -> float | None:
     """The amount nearest to 0 with which a pilot keeps the limits (score 0 or more), by bisection; None for none."""
     start = int(np.argmin(np.abs(amounts)))
     if score[start] >= 0.0:
@@ -219,16 +221,16 @@ def _enough(clinic: Clinic, cure: Cure, patient: Patient, amounts: np.ndarray, s
     too_little, enough = float(amounts[k - step]), float(amounts[k])
     for _ in range(HALVINGS):
         middle = 0.5 * (too_little + enough)
-        (result,) = clinic.treated([patient.values], [{cure.key: middle}])
-        too_little, enough = (too_little, middle) if clinic.violation(result) <= 0.0 else (middle, enough)
+        (result,) = evaluator.with_cures([pilot.values], [{cure.key: middle}])
+        too_little, enough = (too_little, middle) if evaluator.violation(result) <= 0.0 else (middle, enough)
     return enough
 
 
 def _what_it_buys(
-    clinic: Clinic, cure: Cure, amount: float, gains: np.ndarray, best: int, enough: float | None, who: str
+    evaluator: CureEvaluator, cure: Cure, amount: float, gains: np.ndarray, best: int, enough: float | None, who: str
 ) -> str:
     """`viscous damper on the lever, 20 N s/m at the grip: buys 4.3 dB for the worst pilot; 10 are enough; ...`."""
-    swings = f" in swings of {1e3 * clinic.swing_m:g} mm (larger ones feel less)" if cure.by_name else ""
+    swings = f" in swings of {1e3 * evaluator.swing_m:g} mm (larger ones feel less)" if cure.by_name else ""
     bought = float(gains[best])
     if amount == 0.0 or bought < TELLING_DB:
         lost = -float(np.min(gains[np.isfinite(gains)], initial=0.0))
@@ -237,20 +239,20 @@ def _what_it_buys(
     told = f"{cure.told(amount)}: buys {bought:.1f} dB for the {who} pilot{swings}"
     if enough is not None and 0.0 < abs(enough) < 0.97 * abs(amount):
         told += f"; {abs(enough):.3g} {'is' if abs(enough) < 1.0 else 'are'} enough"
-    costs = price(clinic.study, cure, amount) if cure.remedy else ""
+    costs = price(evaluator.study, cure, amount) if cure.remedy else ""
     return told + (f"; costs {costs}" if costs else "")
 
 
-def _tasks(clinic: Clinic, patients: Sequence[Patient]) -> dict[str, Any]:
+def _tasks(evaluator: CureEvaluator, pilots: Sequence[NamedPilot]) -> dict[str, Any]:
     """What the pilot's task makes of the margins: no cure, but advice to pilots."""
-    if clinic.study.pilot.model != "multibody":
+    if evaluator.study.pilot.model != "multibody":
         return {}
     return {
-        patient.name: {
-            task: margins_of(clinic.batch.evaluate([dict[str, Any](patient.values, **{"pilot.task": task})]))
+        pilot.name: {
+            task: margins_of(evaluator.batch.evaluate([dict[str, Any](pilot.values, **{"pilot.task": task})]))
             for task in TASKS
         }
-        for patient in patients
+        for pilot in pilots
     }
 
 
@@ -258,58 +260,58 @@ def _tasks(clinic: Clinic, patients: Sequence[Patient]) -> dict[str, Any]:
 
 
 def _proposal(
-    clinic: Clinic, remedies: Sequence[Cure], worst: Patient, nominal: Patient
+    evaluator: CureEvaluator, remedies: Sequence[Cure], worst: NamedPilot, nominal: NamedPilot
 ) -> tuple[dict[str, Any], Optimum]:
     """The cheapest combination for the worst pilots; those bred for the cured cockpit join them until none misses."""
-    patients = [worst, nominal]
+    pilots = [worst, nominal]
     rounds: list[dict[str, Any]] = []
     while True:
 
         def violation(amounts: np.ndarray) -> np.ndarray:
-            doses = [_named(remedies, row) for row in amounts for _ in patients]
-            flat = clinic.treated([patient.values for _ in amounts for patient in patients], doses)
-            clinic.batch.report(milestone=False)
-            missed = np.array([clinic.violation(result) for result in flat]).reshape(len(amounts), len(patients))
+            amounts_each = [_named(remedies, row) for row in amounts for _ in pilots]
+            flat = evaluator.with_cures([pilot.values for _ in amounts for pilot in pilots], amounts_each)
+            evaluator.batch.report(milestone=False)
+            missed = np.array([evaluator.violation(result) for result in flat]).reshape(len(amounts), len(pilots))
             return np.asarray(missed.max(axis=1), dtype=float)
 
-        if clinic.limits and max(clinic.violation(p.before) for p in patients) > 0.0:
-            optimum = cheapest(remedies, violation, clinic.study.search.seed)
+        if evaluator.limits and max(evaluator.violation(p.before) for p in pilots) > 0.0:
+            optimum = cheapest(remedies, violation, evaluator.study.search.seed)
         else:
-            optimum = Optimum(np.zeros(len(remedies)), 0.0, max(clinic.violation(p.before) for p in patients))
+            optimum = Optimum(np.zeros(len(remedies)), 0.0, max(evaluator.violation(p.before) for p in pilots))
         amounts = _named(remedies, optimum.amounts)
-        bred = clinic.worst_of(amounts, f"worst of round {len(rounds) + 1}")
-        missed = clinic.violation(bred.before)
+        bred = evaluator.worst_of(amounts, f"worst of round {len(rounds) + 1}")
+        missed = evaluator.violation(bred.before)
         rounds.append(
             {
                 "amounts": amounts,
                 "cost": optimum.cost,
-                "worst": clinic.told(bred.values, bred.before),
+                "worst": evaluator.told(bred.values, bred.before),
                 "missed_by": missed if math.isfinite(missed) else None,
             }
         )
-        clinic.batch.report(milestone=True)
+        evaluator.batch.report(milestone=True)
         if missed <= 0.0 or not optimum.reached or len(rounds) == ROUNDS:
             break
-        (uncured,) = clinic.batch.evaluate([bred.values])
-        patients.append(Patient(bred.name, bred.values, uncured))
-    after = clinic.treated([patient.values for patient in patients], [amounts] * len(patients))
+        (uncured,) = evaluator.batch.evaluate([bred.values])
+        pilots.append(NamedPilot(bred.name, bred.values, uncured))
+    after = evaluator.with_cures([pilot.values for pilot in pilots], [amounts] * len(pilots))
     proposal = {
         "reached": optimum.reached and missed <= 0.0,
         "amounts": amounts,
         "cost": optimum.cost,
-        "changes": changes(clinic.study, amounts, clinic.critical_hz),
+        "changes": changes(evaluator.study, amounts, evaluator.critical_hz),
         "cures": [
             {
                 "key": cure.key,
                 "text": cure.told(amounts[cure.key]),
-                "price": price(clinic.study, cure, amounts[cure.key]),
+                "price": price(evaluator.study, cure, amounts[cure.key]),
             }
             for cure in remedies
             if amounts.get(cure.key)
         ],
         "pilots": [
-            {"name": p.name, "before": clinic.told(p.values, p.before), "after": clinic.told(p.values, now)}
-            for p, now in zip(patients, after, strict=True)
+            {"name": p.name, "before": evaluator.told(p.values, p.before), "after": evaluator.told(p.values, now)}
+            for p, now in zip(pilots, after, strict=True)
         ],
         "rounds": rounds,
     }
@@ -331,15 +333,15 @@ def _people(study: Study, number: int) -> list[dict[str, Any]]:
     return list(itertools.islice(population_of(study).people(study.search.seed), number))
 
 
-def _before_and_after(clinic: Clinic, people: Sequence[Mapping[str, Any]], amounts: Amounts) -> Any:
+def _before_and_after(evaluator: CureEvaluator, people: Sequence[Mapping[str, Any]], amounts: Amounts) -> Any:
     """Shares of people who miss a limit, in the cockpit as it is and in the proposed one."""
     if not people:
         return None
     found: dict[str, Any] = {"people": len(people)}
-    doses: Mapping[str, Amounts] = {"before": {}, "after": amounts}
-    for when, dose in doses.items():
-        results = [r for r in clinic.treated(people, [dose] * len(people)) if r["status"] == "ok"]
-        missed = Share(sum(clinic.violation(result) > 0.0 for result in results), len(results))
+    given: Mapping[str, Amounts] = {"before": {}, "after": amounts}
+    for when, one in given.items():
+        results = [r for r in evaluator.with_cures(people, [one] * len(people)) if r["status"] == "ok"]
+        missed = Share(sum(evaluator.violation(result) > 0.0 for result in results), len(results))
         found[when] = {"evaluated": len(results), "missing_a_limit": missed.as_dict()}
     return found
 

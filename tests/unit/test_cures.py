@@ -21,7 +21,7 @@ from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.optimum import cheapest, cost_of
 from pilotgen.errors import StudyError
 from pilotgen.runs import cures_in_time, cures_maps, cures_study
-from pilotgen.runs.cures_clinic import Clinic, critical_hz
+from pilotgen.runs.cures_evaluator import CureEvaluator, critical_hz
 from pilotgen.runs.cures_in_time import smallest_swings
 from pilotgen.runs.cures_maps import map_pairs
 from pilotgen.runs.options import RunOptions
@@ -221,7 +221,7 @@ def test_amounts_below_zero_are_told_without_their_sign() -> None:
     assert all(cure.below for cure in known.values() if cure.low < 0.0)
 
 
-class Ward:
+class DirectBatch:
     """Evaluates in this process, and counts."""
 
     def __init__(self) -> None:
@@ -233,10 +233,10 @@ class Ward:
 
 
 def test_friction_is_the_damper_at_the_frequency_that_comes_of_it() -> None:
-    ward = Ward()
-    clinic = Clinic(STUDY, ward, 0.02)  # type: ignore[arg-type]
-    clinic.critical_hz = 3.0  # far from what comes of it
-    plain, rubbed = clinic.treated([{}, {}], [{"damper": 10.0}, {"friction": 30.0}])
+    batch = DirectBatch()
+    evaluator = CureEvaluator(STUDY, batch, 0.02)  # type: ignore[arg-type]
+    evaluator.critical_hz = 3.0  # far from what comes of it
+    plain, rubbed = evaluator.with_cures([{}, {}], [{"damper": 10.0}, {"friction": 30.0}])
     assert plain["loop"]["gain_margin_db"] == pytest.approx(
         pg.evaluate(STUDY, changes(STUDY, {"damper": 10.0}, 3.0)).margins.gain_margin_db
     )
@@ -245,10 +245,10 @@ def test_friction_is_the_damper_at_the_frequency_that_comes_of_it() -> None:
     by_hand = pg.evaluate(STUDY, changes(STUDY, {"damper": like}, 3.0)).margins
     assert rubbed["loop"]["gain_margin_db"] == pytest.approx(by_hand.gain_margin_db, abs=0.02)
     assert by_hand.gain_margin_hz == pytest.approx(hz, rel=2e-3)
-    assert sum("cockpit.collective.damping_n_m_s_per_rad" in pilot for pilot in ward.asked) <= 9
+    assert sum("cockpit.collective.damping_n_m_s_per_rad" in pilot for pilot in batch.asked) <= 9
     # twice the swing with twice the friction is the same
-    clinic.swing_m = 0.04
-    assert clinic.treated([{}], [{"friction": 60.0}])[0]["loop"]["gain_margin_db"] == pytest.approx(
+    evaluator.swing_m = 0.04
+    assert evaluator.with_cures([{}], [{"friction": 60.0}])[0]["loop"]["gain_margin_db"] == pytest.approx(
         rubbed["loop"]["gain_margin_db"], abs=1e-3
     )
 

@@ -31,15 +31,15 @@ Amounts = Mapping[str, float]
 
 
 @dataclass
-class Patient:
-    """A pilot whose loop is to be cured, and how it is without cures."""
+class NamedPilot:
+    """A pilot with a name, and his result: without cures, of `worst_of` with those that it was given."""
 
     name: str
     values: dict[str, Any]
     before: Result
 
 
-class Clinic:
+class CureEvaluator:
     """The study's pilots evaluated with cures, and what their loops lack.
 
     Parameters
@@ -59,14 +59,14 @@ class Clinic:
         self.critical_hz = math.nan  # of the worst pilot: where a notch belongs; known when he is
         self.limits = {key: limit for key, limit in study.limits.items() if limit is not None}
 
-    def patient(self, name: str, values: Mapping[str, Any]) -> Patient:
+    def pilot(self, name: str, values: Mapping[str, Any]) -> NamedPilot:
         """A pilot without cures. PilotgenError if he cannot be evaluated."""
         (result,) = self.batch.evaluate([dict(values)])
         if result["status"] != "ok":
             raise PilotgenError(
                 f"the {name} pilot cannot be evaluated ({result['stage']}: {result['reason']}); change nominal"
             )
-        return Patient(name, dict(values), result)
+        return NamedPilot(name, dict(values), result)
 
     def violation(self, result: Result) -> float:
         """Largest share by which a limit is missed; 0 or less: all are kept. Of a failed pilot 10."""
@@ -76,7 +76,7 @@ class Clinic:
         missed += [(limit - OBJECTIVES[key].of(result)) / abs(limit or 1.0) for key, limit in self.limits.items()]
         return max(missed)
 
-    def treated(self, pilots: Sequence[Mapping[str, Any]], doses: Sequence[Amounts]) -> list[dict[str, Any]]:
+    def with_cures(self, pilots: Sequence[Mapping[str, Any]], amounts_each: Sequence[Amounts]) -> list[dict[str, Any]]:
         """Results of pilots, each with his own amounts of cures.
 
         With friction among them the margins are those of swings of the grip of `swing_m`. What friction is like depends
@@ -87,7 +87,7 @@ class Clinic:
         rows = list(range(len(pilots)))
         for _ in range(MOST_FREQUENCIES):
             steps = [
-                {**pilots[k], **changes(self.study, doses[k], self.critical_hz, GripSwing(self.swing_m, hz[k]))}
+                {**pilots[k], **changes(self.study, amounts_each[k], self.critical_hz, GripSwing(self.swing_m, hz[k]))}
                 for k in rows
             ]
             for k, result in zip(rows, self.batch.evaluate(steps), strict=True):
@@ -95,7 +95,7 @@ class Clinic:
             rows = [
                 k
                 for k in rows
-                if doses[k].get(FRICTION)
+                if amounts_each[k].get(FRICTION)
                 and results[k]["status"] == "ok"
                 and abs(critical_hz(results[k]) - hz[k]) > SAME_FREQUENCY * hz[k]
             ]
@@ -105,7 +105,7 @@ class Clinic:
                 hz[k] = critical_hz(results[k])
         return results
 
-    def worst_of(self, amounts: Amounts, name: str) -> Patient:
+    def worst_of(self, amounts: Amounts, name: str) -> NamedPilot:
         """The worst pilot of the study's box with some cures, by a search; `before` is with them.
 
         Raises
@@ -127,7 +127,7 @@ class Clinic:
             pilots = problem.pilots(X)
             F = np.full((len(X), problem.n_obj), np.nan)
             for k, (pilot, result) in enumerate(
-                zip(pilots, self.treated(pilots, [amounts] * len(pilots)), strict=True)
+                zip(pilots, self.with_cures(pilots, [amounts] * len(pilots)), strict=True)
             ):
                 if result["status"] == "ok":
                     F[k] = ranked_objectives(result, settings.objectives)
@@ -139,7 +139,7 @@ class Clinic:
         if not seen:
             raise PilotgenError("no pilot of the search box could be evaluated; widen search.variables")
         _, pilot, result = max(seen, key=lambda row: row[0])
-        return Patient(name, dict(pilot), result)
+        return NamedPilot(name, dict(pilot), result)
 
     def told(self, values: Mapping[str, Any], result: Result) -> dict[str, Any]:
         """A pilot in a cockpit: values, margins, whether he keeps the limits."""
