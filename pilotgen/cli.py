@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 from pilotgen import __version__
 from pilotgen.errors import NO_MEMORY, EvaluationError, IncompleteOutput, PilotgenError, without_memory
-from pilotgen.study.fields import did_you_mean
+from pilotgen.study.wording import did_you_mean
 from pilotgen.terminal import Door, standard_streams, stop_on_signals
 
 COMMANDS = (

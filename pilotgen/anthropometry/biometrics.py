@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pilotgen.errors import StudyError
-from pilotgen.study.fields import MULTIBODY, shown
+from pilotgen.study.fields import MULTIBODY
 from pilotgen.study.schema import PILOT_VALUES, SCHEMA
+from pilotgen.study.wording import shown
 
 _KEYS = PILOT_VALUES[MULTIBODY]
 

@@ -13,7 +13,7 @@ from typing import Any
 from pilotgen.commands import common
 from pilotgen.errors import FileError, StudyError
 from pilotgen.files import write_bytes
-from pilotgen.study.fields import did_you_mean
+from pilotgen.study.wording import did_you_mean
 
 
 def add_parser(commands: Any) -> None:

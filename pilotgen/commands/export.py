@@ -121,7 +121,7 @@ def _further(also: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Outputs by their unknowns, and names of moments."""
     from pilotgen.errors import StudyError
     from pilotgen.linear.imposed_motion import HANDS, HEAD, MOMENTS, rotations
-    from pilotgen.study.fields import did_you_mean
+    from pilotgen.study.wording import did_you_mean
 
     wanted = [name.strip() for name in also.split(",")] if also else []
     known = {"head": HEAD, "hands": HANDS, "moments": {}}

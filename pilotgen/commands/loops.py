@@ -145,7 +145,7 @@ def _gearing(text: str) -> dict[str, float]:
     from pilotgen.errors import StudyError
     from pilotgen.linear.imposed_motion import PEDALS
     from pilotgen.loop.units import CONTROLS
-    from pilotgen.study.fields import did_you_mean
+    from pilotgen.study.wording import did_you_mean
 
     found: dict[str, float] = {}
     for part in text.split(","):
@@ -184,7 +184,7 @@ def common_point(text: str | None, flag: str) -> tuple[float, float, float]:
 def _plant(name: str, seat: tuple[float, float, float]) -> Any:
     from pilotgen.errors import StudyError
     from pilotgen.loop.plants import load_plant, roll_plant, roll_rotorcraft
-    from pilotgen.study.fields import did_you_mean
+    from pilotgen.study.wording import did_you_mean
 
     kind, _, which = name.partition(":")
     if kind != "roll":

@@ -17,9 +17,9 @@ from pilotgen.errors import StudyError
 from pilotgen.files import to_json, write_text
 from pilotgen.objectives import OBJECTIVES, below_limits, margins_text
 from pilotgen.progress_line import counted
-from pilotgen.study.fields import setting_text
 from pilotgen.study.loop_section import COLLECTIVE, HEAVE, LoopSignals
 from pilotgen.study.schema import SCHEMA
+from pilotgen.study.wording import setting_text
 
 if TYPE_CHECKING:
     from pilotgen.context import EvaluationContext

@@ -15,9 +15,10 @@ from typing import Any
 
 from pilotgen.cures.friction import GripSwing, as_built, like, more_friction
 from pilotgen.errors import StudyError
-from pilotgen.study.fields import MAYO, did_you_mean
+from pilotgen.study.fields import MAYO
 from pilotgen.study.study import Study
 from pilotgen.study.torso_numbers import RIGID
+from pilotgen.study.wording import did_you_mean
 from pilotgen.study.yaml_file import bundled
 
 WEIGHT_ARM_M = 0.15  # of a balance weight behind the hinge

@@ -37,7 +37,8 @@ from pilotgen.linear.modal import ModalModel, modes
 from pilotgen.linear.pilot_model import PilotModel, real_blocks
 from pilotgen.solver.descriptor import Complexes, DescriptorModel, Floats, Numbers
 from pilotgen.solver.matrices import Matrices, descriptor
-from pilotgen.study.fields import Choice, check_positive
+from pilotgen.study.fields import Choice
+from pilotgen.study.wording import check_positive
 
 _STAGE = "feedthrough"
 PROJECTIONS = ("exact", "literal")

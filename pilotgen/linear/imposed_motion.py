@@ -19,7 +19,7 @@ from pilotgen.errors import EvaluationError, MatrixError, StudyError
 from pilotgen.linear.null_space import independent_constraints
 from pilotgen.linear.second_order import SecondOrderForm, second_order_form
 from pilotgen.solver.descriptor import DescriptorModel, Floats, Indices, block
-from pilotgen.study.fields import did_you_mean
+from pilotgen.study.wording import did_you_mean
 
 COLLECTIVE = "collective_rotation"
 _DEFAULT_OUTPUTS: dict[str, dict[str, float]] = {

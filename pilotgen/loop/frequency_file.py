@@ -23,7 +23,7 @@ from pilotgen.errors import FileError, PilotgenError
 from pilotgen.files import refuse_special
 from pilotgen.linear.statespace import ComplexArray, FloatArray
 from pilotgen.loop.units import COLLECTIVE, HEAVE, stated_gain
-from pilotgen.study.fields import did_you_mean
+from pilotgen.study.wording import did_you_mean
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

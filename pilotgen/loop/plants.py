@@ -24,8 +24,8 @@ from pilotgen.linear.statespace import FloatArray, StateSpaceModel
 from pilotgen.loop.delay import pade_delay
 from pilotgen.loop.loop_file import MOST_STATES, read_values
 from pilotgen.loop.units import CONTROLS, OUTPUT_FACTORS, POSITIVE
-from pilotgen.study.fields import did_you_mean
 from pilotgen.study.rotorcraft import Rotorcraft, bundled_rotorcraft, load_rotorcraft
+from pilotgen.study.wording import did_you_mean
 from pilotgen.study.yaml_file import bundled
 
 _INPUT_UNITS = {"rad": 1.0, "deg": math.degrees(1.0), "percent": 1.0}  # per rad; percent stays percent of travel

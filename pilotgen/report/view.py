@@ -27,8 +27,8 @@ from pilotgen.report.people import Known, page_data
 from pilotgen.report.stills import still
 from pilotgen.report.story import Card, loop_words
 from pilotgen.runs.results import Row, StudyResults, columns_of
-from pilotgen.study.fields import setting_text
 from pilotgen.study.study import Study
+from pilotgen.study.wording import setting_text
 
 PAGE_NAME, TEMPLATE, STUDY_NAME = "pilot.html", "pilot.html.j2", "study.yaml"
 

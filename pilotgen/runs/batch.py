@@ -18,7 +18,7 @@ from pilotgen.errors import FileError, TooManyFailures
 from pilotgen.objectives import ranked_objectives
 from pilotgen.runs.executor import WorkerLost, Workers
 from pilotgen.runs.journal import Journal, Record, evaluation_key
-from pilotgen.study.fields import setting_text
+from pilotgen.study.wording import setting_text
 
 RESULTS_NAME = "study.h5"
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import FileError, PilotgenError
-from pilotgen.study.fields import shown
 from pilotgen.study.study import Study, study_from_text
+from pilotgen.study.wording import shown
 
 UNCERTAIN = "uncertain"  # the kind of a run of draws of one pilot
 SHAPES = ("variables", "objectives")  # of study.h5, whatever the kind of run

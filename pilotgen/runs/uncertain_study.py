@@ -30,10 +30,10 @@ from pilotgen.runs.journal import JOURNAL_NAME, evaluation_key, peek
 from pilotgen.runs.options import RunOptions
 from pilotgen.runs.session import Say, open_batch
 from pilotgen.runs.task import Task, evaluated
-from pilotgen.study.fields import setting_text
 from pilotgen.study.schema import study_unit
 from pilotgen.study.study import Study
 from pilotgen.study.uncertain_section import merged
+from pilotgen.study.wording import setting_text
 from pilotgen.uncertain.bands import bands, responses
 from pilotgen.uncertain.draws import Draws
 from pilotgen.uncertain.spread import answer, sentences, spread_of

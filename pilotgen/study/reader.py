@@ -9,16 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pilotgen.errors import StudyError
-from pilotgen.study.fields import (
-    REQUIRED,
-    ByName,
-    Choice,
-    Problems,
-    Section,
-    Value,
-    did_you_mean,
-    nearest,
-)
+from pilotgen.study.fields import REQUIRED, ByName, Choice, Problems, Section, Value
 from pilotgen.study.schema import (
     MAYO_PRESETS,
     PILOT_VALUES,
@@ -29,6 +20,7 @@ from pilotgen.study.schema import (
     locate,
     members,
 )
+from pilotgen.study.wording import did_you_mean, nearest
 from pilotgen.study.yaml_file import YamlDocument
 
 _WHOLE_STUDY = Section()

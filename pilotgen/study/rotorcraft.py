@@ -16,10 +16,11 @@ from typing import Any
 
 from pilotgen.errors import FileError
 from pilotgen.files import refuse_special
-from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value, shown
+from pilotgen.study.fields import REQUIRED, Mistake, Problems, Section, Value
 from pilotgen.study.loop_section import LoopSignals
 from pilotgen.study.reader import read_section
 from pilotgen.study.schema import SCHEMA, defaults, members
+from pilotgen.study.wording import shown
 from pilotgen.study.yaml_file import YamlDocument, bundled
 
 HEAVE_NUMBERS = tuple(

@@ -33,7 +33,6 @@ from pilotgen.study.fields import (
     Whole,
     Words,
     bounds,
-    did_you_mean,
 )
 from pilotgen.study.inceptor_section import INCEPTOR_ROWS
 from pilotgen.study.loop_section import LOOP_ROWS
@@ -41,6 +40,7 @@ from pilotgen.study.population_section import population_rows, within_rows
 from pilotgen.study.rotorcraft_rows import ROTORCRAFT_ROWS
 from pilotgen.study.seated_rows import SEATED_ROWS
 from pilotgen.study.uncertain_section import Groups, Objectives, uncertain_rows
+from pilotgen.study.wording import did_you_mean
 
 MAYO_PRESETS: Mapping[str, Mapping[str, float]] = {  # Mayo (1989), as in Table 2 of the reference paper
     "ectomorphic": {"pilot_frequency_hz": 3.380, "pilot_damping": 0.320, "pilot_time_constant_s": 0.117},

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from pilotgen.errors import StudyError
-from pilotgen.study.fields import Mistake, shown
+from pilotgen.study.fields import Mistake
 from pilotgen.study.schema import locate
 from pilotgen.study.study import Study, check_together
+from pilotgen.study.wording import shown
 from pilotgen.study.yaml_file import plain_scalar, yaml_from_text
 
 

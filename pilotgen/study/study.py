@@ -21,7 +21,7 @@ from typing import Any
 from pilotgen.errors import StudyError
 from pilotgen.objectives import quantiles
 from pilotgen.study.cockpit_numbers import CockpitNumbers
-from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section, shown
+from pilotgen.study.fields import MAYO, REQUIRED, Mistake, Problems, Section
 from pilotgen.study.loop_section import COLLECTIVE, LoopSignals
 from pilotgen.study.population_section import check_within
 from pilotgen.study.reader import read_tree
@@ -38,6 +38,7 @@ from pilotgen.study.sections import MAKERS, Inceptor, PilotSettings, SearchSetti
 from pilotgen.study.torso_numbers import LUMPED, RIGID
 from pilotgen.study.uncertain_check import check_uncertain
 from pilotgen.study.uncertain_section import check_robust, merged
+from pilotgen.study.wording import shown
 from pilotgen.study.yaml_file import (
     KeyPath,
     YamlDocument,

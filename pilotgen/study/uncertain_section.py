@@ -12,20 +12,8 @@ from typing import Any
 
 from pilotgen.errors import StudyError
 from pilotgen.objectives import quantile, quantiles
-from pilotgen.study.fields import (
-    ByName,
-    Choice,
-    Field,
-    Matrix,
-    Mistake,
-    Section,
-    Value,
-    Whole,
-    Words,
-    decimal_comma,
-    did_you_mean,
-    shown,
-)
+from pilotgen.study.fields import ByName, Choice, Field, Matrix, Mistake, Section, Value, Whole, Words
+from pilotgen.study.wording import decimal_comma, did_you_mean, shown
 from pilotgen.study.yaml_file import bundled
 
 SETS = ("cushion", "posture", "reflex", "strength", "task", "torso")  # of pilotgen/data/uncertain.yaml
