@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.runs.executor import pin_threads
 
     pin_threads()
-    from pilotgen.report import read_section, write_report
+    from pilotgen.report import read_report_section, write_report
     from pilotgen.runs.results import read_results
     from pilotgen.study.study import study_from_text
 
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
             f"{path} does not exist; DIR is the output directory of a finished `pilotgen search` or `pilotgen sample` "
             "(an interrupted one goes on with --resume)"
         )
-    others = [read_section(directory) for directory in args.others]
+    others = [read_report_section(directory) for directory in args.others]
     with claimed(args.directory, "report", REPORT_FILES, resume=True) as directory:
         results = read_results(path)
         study = study_from_text(str(results.attributes["study_text"]), f"{path}: study_text")

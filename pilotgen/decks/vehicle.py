@@ -38,7 +38,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Row:
+class NetworkRow:
     """The equation of one abstract node: 0 = sum of terms + constant."""
 
     node: str
@@ -116,7 +116,7 @@ class Vehicle:
         Whether the pilot's reaction acts on the rotorcraft.
     """
 
-    parts: Mapping[str, tuple[Row, ...]]
+    parts: Mapping[str, tuple[NetworkRow, ...]]
     seat_force_n: float
     gust: tuple[str, Sequence[tuple[str, float]]] | None = None
     lever_drive: str | None = None
@@ -174,7 +174,7 @@ def vehicle_text(vehicle: Vehicle, lever_axis_m: Sequence[float]) -> Part:
     )
 
 
-def _laws(row: Row) -> list[tuple[str, str]]:
+def _laws(row: NetworkRow) -> list[tuple[str, str]]:
     """Constitutive laws of one row, by column: a spring pulls with minus the term."""
     columns = list(dict.fromkeys([row.node, *(term.node for term in row.terms)]))
     laws = []

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotgen.decks.vehicle import PEDESTAL, SEAT_FORCE, TRAVEL, Row, Term
+from pilotgen.decks.vehicle import PEDESTAL, SEAT_FORCE, TRAVEL, NetworkRow, Term
 from pilotgen.errors import PilotgenError
 from pilotgen.linear.statespace import FloatArray, StateSpaceModel
 from pilotgen.loop.heave_model import HeaveModel
@@ -38,7 +38,7 @@ class Network:
         How many eigenvalues the rows have without the pilot, the height's among them.
     """
 
-    parts: dict[str, tuple[Row, ...]]
+    parts: dict[str, tuple[NetworkRow, ...]]
     gust: tuple[tuple[str, float], ...]
     states: int
 
@@ -83,18 +83,18 @@ def network(
             "a rotorcraft given by its frequency response has no equations for a deck; give rotorcraft.state_space, "
             "rotorcraft.transfer_function or the numbers of the heave model"
         )
-    rows: dict[str, tuple[Row, ...]] = {}
+    rows: dict[str, tuple[NetworkRow, ...]] = {}
     signal = [Term(TRAVEL, gearing_rad_per_m)]
     states = 1  # the height
     if washout_rad_s is not None:
         w = washout_rad_s
         rows["trim"] = (
-            Row("TRIM_1", (Term("TRIM_1", -1.0, True), Term(TRAVEL, w), Term("TRIM_1", -w))),
-            Row("TRIM_2", (Term("TRIM_2", -1.0, True), Term(TRAVEL, w), Term("TRIM_1", -w), Term("TRIM_2", -w))),
+            NetworkRow("TRIM_1", (Term("TRIM_1", -1.0, True), Term(TRAVEL, w), Term("TRIM_1", -w))),
+            NetworkRow("TRIM_2", (Term("TRIM_2", -1.0, True), Term(TRAVEL, w), Term("TRIM_1", -w), Term("TRIM_2", -w))),
         )
         signal += [Term("TRIM_1", -gearing_rad_per_m), Term("TRIM_2", -gearing_rad_per_m)]
         states += 2
-    rows["pitch"] = (Row(PITCH, (Term(PITCH, -1.0), *signal)),)
+    rows["pitch"] = (NetworkRow(PITCH, (Term(PITCH, -1.0), *signal)),)
     at = PITCH
     for kind, block in (("delay", delay), ("chain", parts)):
         if block is not None:
@@ -116,14 +116,14 @@ def network(
     return Network(rows, tuple((node, value) for node, value in gust if value), states)
 
 
-def _states(A: FloatArray, B: FloatArray, names: list[str], at: str) -> list[Row]:
+def _states(A: FloatArray, B: FloatArray, names: list[str], at: str) -> list[NetworkRow]:
     """x' = A x + B u; A (n, n), B (n,)."""
     found = []
     for i, name in enumerate(names):
         terms = [Term(name, -1.0, True)]
         terms += [Term(names[j], float(A[i, j])) for j in np.flatnonzero(A[i])]
         terms += [Term(at, float(B[i]))] if B[i] else []
-        found.append(Row(name, tuple(terms)))
+        found.append(NetworkRow(name, tuple(terms)))
     return found
 
 
@@ -133,18 +133,18 @@ def _outputs(model: StateSpaceModel, names: list[str], at: str) -> list[Term]:
     return terms + ([Term(at, model.D)] if model.D else [])
 
 
-def _block(model: StateSpaceModel, name: str, at: str) -> tuple[Row, ...]:
+def _block(model: StateSpaceModel, name: str, at: str) -> tuple[NetworkRow, ...]:
     names = [f"{name}_{i + 1}" for i in range(model.n_states)]
     out = f"{name}_OUT"
     rows = _states(model.A, model.B, names, at)
-    return (*rows, Row(out, (Term(out, -1.0), *_outputs(model, names, at))))
+    return (*rows, NetworkRow(out, (Term(out, -1.0), *_outputs(model, names, at))))
 
 
-def _height() -> Row:
-    return Row(PEDESTAL, (Term(PEDESTAL, -1.0, True), Term(CLIMB, 1.0)))
+def _height() -> NetworkRow:
+    return NetworkRow(PEDESTAL, (Term(PEDESTAL, -1.0, True), Term(CLIMB, 1.0)))
 
 
-def _heave(model: HeaveModel, at: str, reaction: Reaction | None) -> tuple[Row, ...]:
+def _heave(model: HeaveModel, at: str, reaction: Reaction | None) -> tuple[NetworkRow, ...]:
     system = model.state_space
     names = list(HEAVE_STATES[: system.n_states])
     rows = _states(system.A, system.B, names, at)
@@ -153,11 +153,11 @@ def _heave(model: HeaveModel, at: str, reaction: Reaction | None) -> tuple[Row, 
         for i, per_newton in enumerate(model.force_input.tolist()):
             if per_newton:
                 more = (Term(SEAT_FORCE, -per_newton), Term(CLIMB, per_newton * reaction.mass_kg, True))
-                rows[i] = Row(rows[i].node, (*rows[i].terms, *more), per_newton * reaction.weight_n)
+                rows[i] = NetworkRow(rows[i].node, (*rows[i].terms, *more), per_newton * reaction.weight_n)
     return (_height(), *rows)
 
 
-def _plant(model: StateSpaceModel, at: str) -> tuple[Row, ...]:
+def _plant(model: StateSpaceModel, at: str) -> tuple[NetworkRow, ...]:
     names = [f"PLANT_{i + 1}" for i in range(model.n_states)]
-    climb = Row(CLIMB, (Term(CLIMB, -1.0, True), *_outputs(model, names, at)))
+    climb = NetworkRow(CLIMB, (Term(CLIMB, -1.0, True), *_outputs(model, names, at)))
     return (_height(), climb, *_states(model.A, model.B, names, at))

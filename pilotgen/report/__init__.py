@@ -3,7 +3,7 @@
 SPDX-License-Identifier: BSD-3-Clause
 """
 
-from pilotgen.report.others import read_section
+from pilotgen.report.others import read_report_section
 from pilotgen.report.write import REPORT_NAME, write_report
 
-__all__ = ["REPORT_NAME", "read_section", "write_report"]
+__all__ = ["REPORT_NAME", "read_report_section", "write_report"]

@@ -41,7 +41,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """What another command found."""
 
     kind: str  # population, sensitivity, uncertainty, cures, identification
@@ -53,7 +53,7 @@ class Section:
     pictures: tuple[Picture, ...] = ()
 
 
-def read_section(directory: Path) -> Section:
+def read_report_section(directory: Path) -> ReportSection:
     """What a command left in a directory.
 
     Raises
@@ -74,21 +74,21 @@ def read_section(directory: Path) -> Section:
     )
 
 
-def _population(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+def _population(directory: Path, source: str, content: Mapping[str, Any]) -> ReportSection:
     share = content["shares"].get(GAIN_MARGIN.key) or content["shares"]["any"]
     answer = f"{Share(share['count'], share['of']).text()} of {content['name']}"
-    return Section(
+    return ReportSection(
         "population", "How many people", source, tuple(people_told(content)), answer, None, _pictures(directory)
     )
 
 
-def _rare(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+def _rare(directory: Path, source: str, content: Mapping[str, Any]) -> ReportSection:
     del directory  # it holds no pictures of this
     answer = f"{percent(content['share'])} % of {content['name']}"
-    return Section("population", "How many people", source, tuple(rare_told(content)), answer)
+    return ReportSection("population", "How many people", source, tuple(rare_told(content)), answer)
 
 
-def _sensitivity(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+def _sensitivity(directory: Path, source: str, content: Mapping[str, Any]) -> ReportSection:
     rows, told = [], []
     sobol = content["method"] != "morris"
     for key, found in content["objectives"].items():
@@ -110,7 +110,7 @@ def _sensitivity(directory: Path, source: str, content: Mapping[str, Any]) -> Se
     heads = ["objective", "number", size if sobol else "mean effect over its range"]
     table = {"heads": heads, "rows": rows} if rows else None
     nothing = "No objective has a variance that could be shared out."
-    return Section(
+    return ReportSection(
         "sensitivity", "Which numbers decide", source, tuple(told or [nothing]), "", table, _pictures(directory)
     )
 
@@ -119,7 +119,7 @@ def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> ReportSection:
     told = [str(content["sentence"])]
     proposal = content.get("proposal")
     answer = ""
@@ -144,10 +144,10 @@ def _cures(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
     heads = ["each alone, as far as is practicable", "best amount", "buys the worst pilot [dB]"]
     table = {"heads": heads, "rows": rows} if rows else None
     pictures = (*_pictures(directory, "cures"), *_pictures(directory, "cure_map*"))[:MOST_PICTURES]
-    return Section("cures", "What would cure it", source, tuple(told), answer, table, pictures)
+    return ReportSection("cures", "What would cure it", source, tuple(told), answer, table, pictures)
 
 
-def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> ReportSection:
     values = content.get("values") or {}
     who = ", ".join(quantity(name).text(float(value)) for name, value in values.items() if isinstance(value, float))
     asked = [f"Asked of the pilot with {who}."] if who else []
@@ -155,12 +155,14 @@ def _uncertain(directory: Path, source: str, content: Mapping[str, Any]) -> Sect
     ends = [content["margins"][row.key]["quantiles"][q]["value"] for q in ("0.05", "0.95")]
     known = ends[0] is not None and ends[1] is not None
     answer = f"{row.label} {ends[0]:.{row.digits}f} to {row.text(ends[1])} (9 of 10)" if known else ""
-    return Section("uncertainty", "What is not known of him", source, told, answer, None, _pictures(directory, "band*"))
+    return ReportSection(
+        "uncertainty", "What is not known of him", source, told, answer, None, _pictures(directory, "band*")
+    )
 
 
-def _identification(directory: Path, source: str, content: Mapping[str, Any]) -> Section:
+def _identification(directory: Path, source: str, content: Mapping[str, Any]) -> ReportSection:
     told = str(content.get("sentence") or "One pilot's feedthrough by every method, side by side: see the figure.")
-    return Section("identification", "Identification", source, (told,), "", None, _pictures(directory))
+    return ReportSection("identification", "Identification", source, (told,), "", None, _pictures(directory))
 
 
 def _pictures(directory: Path, names: str = "*") -> tuple[Picture, ...]:
@@ -175,7 +177,7 @@ def _pictures(directory: Path, names: str = "*") -> tuple[Picture, ...]:
     return tuple(found)
 
 
-_READERS: Mapping[str, Callable[[Path, str, Mapping[str, Any]], Section]] = {
+_READERS: Mapping[str, Callable[[Path, str, Mapping[str, Any]], ReportSection]] = {
     "population.json": _population,
     "rare.json": _rare,
     "sensitivity.json": _sensitivity,

@@ -20,7 +20,7 @@ from pilotgen.report import findings
 from pilotgen.report.assets import script_texts, style_text, template
 from pilotgen.report.course import course_rows
 from pilotgen.report.findings import replay, typeset_number
-from pilotgen.report.others import Section
+from pilotgen.report.others import ReportSection
 from pilotgen.report.people import Known, page_data, script_text
 from pilotgen.report.stills import Still, still
 from pilotgen.report.story import loop_words, story
@@ -57,7 +57,7 @@ def render(
     problems: Sequence[str] = (),
     solver: str = "mbdae",
     known: Iterable[Known] = (),
-    others: Sequence[Section] = (),
+    others: Sequence[ReportSection] = (),
     course: Course | None = None,
 ) -> str:
     """The text of report.html; parameters as gathered by `write_report`.

@@ -12,7 +12,7 @@ from pilotgen.evaluation import Evaluation
 from pilotgen.figures.style import typeset
 from pilotgen.objectives import OBJECTIVES
 from pilotgen.report import findings
-from pilotgen.report.others import Section
+from pilotgen.report.others import ReportSection
 from pilotgen.report.repeated import Repeated
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import Study
@@ -48,7 +48,7 @@ def story(
     results: StudyResults,
     worst: int,
     repeated: Repeated | None,
-    others: Sequence[Section],
+    others: Sequence[ReportSection],
 ) -> list[Card]:
     """Who is the worst pilot, how bad he is, how sure that is, how many are like him, what would cure it."""
     columns = results.columns
@@ -88,7 +88,7 @@ def story(
     return cards
 
 
-def _how_sure(results: StudyResults, worst: int, repeated: Repeated | None, others: Sequence[Section]) -> Card:
+def _how_sure(results: StudyResults, worst: int, repeated: Repeated | None, others: Sequence[ReportSection]) -> Card:
     """Numbers that limit trust: what is not known of the pilot, the certificate, whether he repeats."""
     told = [section for section in others if section.kind == "uncertainty"]
     lines = [sentence for section in told for sentence in section.sentences[:2]]
@@ -106,7 +106,7 @@ def _how_sure(results: StudyResults, worst: int, repeated: Repeated | None, othe
     return Card("How sure", told[0].answer if told and told[0].answer else "as far as the model goes", lines)
 
 
-def _how_many(study: Study, results: StudyResults, worst: int, others: Sequence[Section]) -> Card:
+def _how_many(study: Study, results: StudyResults, worst: int, others: Sequence[ReportSection]) -> Card:
     """People below the limits if a population was run; else pilots of the box, which are no people."""
     told = [section for section in others if section.kind == "population"]
     if told:

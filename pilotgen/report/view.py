@@ -21,7 +21,7 @@ from pilotgen.files import write_text
 from pilotgen.objectives import MARGINS, OBJECTIVES, margins_text
 from pilotgen.report.assets import script_texts, style_text, template
 from pilotgen.report.decks import same_margin
-from pilotgen.report.others import Section, read_section
+from pilotgen.report.others import ReportSection, read_report_section
 from pilotgen.report.packing import embedded
 from pilotgen.report.people import Known, page_data
 from pilotgen.report.stills import still
@@ -97,8 +97,8 @@ def repeat_pilot(
     return page
 
 
-def _uncertain(directory: Path) -> list[Section]:
-    return [read_section(directory)] if (directory / "uncertain.json").is_file() else []
+def _uncertain(directory: Path) -> list[ReportSection]:
+    return [read_report_section(directory)] if (directory / "uncertain.json").is_file() else []
 
 
 def render_pilot(
@@ -106,7 +106,7 @@ def render_pilot(
     outcome: Evaluation,
     content: Mapping[str, Any],
     nominal: Evaluation | FailedEvaluation | None,
-    others: list[Section],
+    others: list[ReportSection],
     solver: str = "mbdae",
 ) -> str:
     """The text of pilot.html; parameters as of `write_pilot_page`."""
@@ -170,7 +170,7 @@ def _verdict(outcome: Evaluation, study: Study) -> str:
     return f"With this pilot the closed loop of the {study.rotorcraft.name} is {state}: {words}."
 
 
-def _story(outcome: Evaluation, study: Study, others: list[Section]) -> list[Card]:
+def _story(outcome: Evaluation, study: Study, others: list[ReportSection]) -> list[Card]:
     row = MARGINS[0]
     value, limit = row.of(outcome.result), study.limits.get(row.key)
     bad = not outcome.result["loop"]["stable"] or (limit is not None and value < limit)

@@ -20,7 +20,7 @@ from pilotgen.objectives import MARGINS, OBJECTIVES
 from pilotgen.output import STUDY_NAME
 from pilotgen.report import decks, findings, page
 from pilotgen.report.choose import shown_whole
-from pilotgen.report.others import Section
+from pilotgen.report.others import ReportSection
 from pilotgen.report.people import Known
 from pilotgen.report.repeated import Repeated
 from pilotgen.runs.batch import RESULTS_NAME
@@ -41,7 +41,7 @@ def write_report(
     solver: str = "mbdae",
     mbdyn: str | None = None,
     evaluations: bool = True,
-    others: Sequence[Section] = (),
+    others: Sequence[ReportSection] = (),
 ) -> Path:
     """Write report.html, study.yaml (the study's text) and, for multibody pilots, decks of the front to `directory`.
 
@@ -58,8 +58,8 @@ def write_report(
         Who evaluates, as of `EvaluationContext`.
     evaluations : bool
         False evaluates nothing: no curves, no Bode and Nyquist figures, no decks, no solver needed.
-    others : sequence of Section
-        What other commands found, to be told on the page (`read_section`).
+    others : sequence of ReportSection
+        What other commands found, to be told on the page (`read_report_section`).
 
     Returns
     -------

@@ -14,7 +14,7 @@ import pytest
 from study_maker import write_study
 
 from pilotgen.report import write_report
-from pilotgen.report.others import Section
+from pilotgen.report.others import ReportSection
 from pilotgen.runs.results import StudyResults
 from pilotgen.study.study import Study, study_from_text
 
@@ -80,7 +80,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     study = dataclasses.replace(study, name="<b>quick</b> & small", rotorcraft=rotorcraft)
     results = write_study(directory, study, failed=(3, 12))
     table = {"heads": ["<b>head</b>"], "rows": [["<i>cell</i>"]]}
-    told = Section(
+    told = ReportSection(
         "population", "<i>people</i>", "<b>people</b>.csv", ("<script>alert(3)</script> fly.",), "<i>1 %</i>", table
     )
     write_report(directory, study, others=[told])

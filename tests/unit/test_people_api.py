@@ -13,7 +13,7 @@ import pytest
 
 import pilotgen as pg
 from pilotgen.cli import main
-from pilotgen.report.others import read_section
+from pilotgen.report.others import read_report_section
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 
@@ -50,11 +50,11 @@ def test_a_changed_study_is_written_down(tmp_path: Path) -> None:
     assert table["number"].tolist() == list(rows["slopes"])
     assert table["total"].tolist() == [row["total"] for row in rows["indices"]["numbers"].values()]
     assert np.isfinite(table["slope"]).all()
-    section = read_section(found.path.parent)
+    section = read_report_section(found.path.parent)
     assert section.kind == "sensitivity" and section.table is not None
     assert section.table["heads"][2] == "total index" and "What moves the modulus margin most" in section.sentences[0]
     squares = pg.sensitivity_of(study, tmp_path / "b", 3, "anova", options=pg.RunOptions(workers=1)).table()
-    section = read_section(tmp_path / "b")
+    section = read_report_section(tmp_path / "b")
     assert section.table is not None and section.table["heads"][2] == "share of the sum of squares"
     assert squares["source"][-1] == "total" and np.isnan(squares["p"][-1])
     assert squares["sum_of_squares"][:-1].sum() == pytest.approx(squares["sum_of_squares"][-1])
@@ -64,7 +64,7 @@ def test_a_rare_share(tmp_path: Path) -> None:
     study = pg.read_study(STUDIES / "puma-population.yaml")
     found = pg.rare_share(study, tmp_path / "a", 100, "gain_margin_db", options=pg.RunOptions(workers=2))
     assert found.path.name == "rare.json" and 0.0 < found.content["low"] < found.content["share"]
-    section = read_section(tmp_path / "a")
+    section = read_report_section(tmp_path / "a")
     assert section.kind == "population" and "of men" in section.answer and "1 in " in section.sentences[0]
     nearest = found.table()
     assert (nearest["gain_margin_db"] < 6.0).all() and (nearest["mahalanobis_distance"] > 0.0).all()

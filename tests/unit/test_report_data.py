@@ -15,7 +15,7 @@ from study_maker import mayo_study, write_study
 from pilotgen.context import EvaluationContext
 from pilotgen.errors import FileError
 from pilotgen.evaluation import Evaluation, evaluate
-from pilotgen.report import read_section
+from pilotgen.report import read_report_section
 from pilotgen.report.choose import shown_whole
 from pilotgen.report.findings import first_front, worst_order
 from pilotgen.report.packing import SHORT_ERROR, embedded, pack_levels, pack_short, pack_text
@@ -129,9 +129,9 @@ def test_shown_are_the_worst_the_front_and_some_of_everywhere(tmp_path: Path) ->
 
 def test_what_other_commands_found(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="holds none of population.json"):
-        read_section(tmp_path)
+        read_report_section(tmp_path)
     (tmp_path / "cures.json").write_text(json.dumps({"sentence": "A notch of 3 Hz <b>cures</b> him."}))
-    section = read_section(tmp_path)
+    section = read_report_section(tmp_path)
     assert section.kind == "cures" and section.sentences == ("A notch of 3 Hz <b>cures</b> him.",)
     row = {"label": "damper", "unit": "N s/m", "remedy": True, "best": {"worst": {"amount": 40.0, "bought": 7.34}}}
     content = {
@@ -149,7 +149,7 @@ def test_what_other_commands_found(tmp_path: Path) -> None:
         "cures": [row, {**row, "label": "friction", "by_name": True}],
     }
     (tmp_path / "cures.json").write_text(json.dumps(content))
-    section = read_section(tmp_path)
+    section = read_report_section(tmp_path)
     assert section.answer == "damper, 10 N s/m"
     kicks = "With the friction kicks at the lever die up to 27 N and go on from 27.4 N."
     assert section.sentences == ("A damper does it.", kicks, "damper and notch: 300 of 400 points keep 6 dB.")
@@ -158,7 +158,7 @@ def test_what_other_commands_found(tmp_path: Path) -> None:
     for damaged in ("", "[1]", "[" * 100_000, '{"sentence": NaN}', '{"sentence": "', json.dumps(no_amount)):
         (tmp_path / "cures.json").write_text(damaged)
         with pytest.raises(FileError, match=r"cures\.json: cannot be read"):
-            read_section(tmp_path)
+            read_report_section(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["uncertain", "population", "rare", "sensitivity"])
@@ -174,4 +174,4 @@ def test_what_other_commands_found_was_damaged(tmp_path: Path, name: str) -> Non
     ):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
         with pytest.raises(FileError, match=rf"{name}\.json: cannot be read as what its command writes"):
-            read_section(tmp_path)
+            read_report_section(tmp_path)
