@@ -30,7 +30,10 @@ RUNS = {
         ("pilot", STUDIES / "puma-robust.yaml", "--uncertain", "-n", "24", "--no-figures"),
         ("uncertain.json", "uncertain.csv"),
     ),
-    "surrogate": (("sensitivity", STUDIES / "puma-sensitivity.yaml", "--surrogate", "-n", "24"), ("sensitivity.json",)),
+    "surrogate": (
+        ("sensitivity", STUDIES / "puma-sensitivity.yaml", "--surrogate", "-n", "24", "--no-figures"),
+        ("sensitivity.json",),
+    ),
 }
 
 

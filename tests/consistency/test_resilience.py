@@ -68,6 +68,20 @@ def undisturbed(study: Path, tmp_path_factory: pytest.TempPathFactory, mbdae: Pa
     return directory
 
 
+@pytest.fixture(scope="module")
+def mayo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study of 480 transfer functions, a second as well, whose journal is 1 MB."""
+    return small_study(tmp_path_factory.mktemp("mayo"), "puma-mayo.yaml", 60, 8)
+
+
+@pytest.fixture(scope="module")
+def mayo_undisturbed(mayo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of that study, run without disturbance."""
+    directory = tmp_path_factory.mktemp("mayo_undisturbed") / "out"
+    assert run(*search(mayo, directory)).returncode == 0
+    return directory
+
+
 def assert_same(directory: Path, undisturbed: Path) -> None:
     """Byte for byte the file of the undisturbed run."""
     assert (directory / "study.h5").read_bytes() == (undisturbed / "study.h5").read_bytes()
@@ -97,23 +111,21 @@ def test_killed_driver_goes_on_where_it_was(study: Path, undisturbed: Path, tmp_
 
 
 @pytest.mark.long
-def test_driver_killed_at_random_moments(tmp_path: Path) -> None:
-    study = small_study(tmp_path, "puma-mayo.yaml", 60, 8)
-    assert run(*search(study, tmp_path / "reference")).returncode == 0
+def test_driver_killed_at_random_moments(mayo: Path, mayo_undisturbed: Path, tmp_path: Path) -> None:
     chance = random.Random(5)
     directory = tmp_path / "out"
     for _ in range(5):
-        process = start(*search(study, directory, "--resume"))
+        process = start(*search(mayo, directory, "--resume"))
         time.sleep(chance.uniform(0.1, 2.5))
         family = descendants(process.pid)
         kill(process.pid)
         process.communicate()
         assert_all_gone(family)
-    assert run(*search(study, directory, "--resume")).returncode == 0
-    assert_same(directory, tmp_path / "reference")
-    again = run(*search(study, directory, "--resume"))  # a second run of a finished study is served from the journal
+    assert run(*search(mayo, directory, "--resume")).returncode == 0
+    assert_same(directory, mayo_undisturbed)
+    again = run(*search(mayo, directory, "--resume"))  # a second run of a finished study is served from the journal
     assert f"({recorded(directory)} from the journal)" in again.stdout
-    assert_same(directory, tmp_path / "reference")
+    assert_same(directory, mayo_undisturbed)
 
 
 def test_murdered_workers_and_solvers_change_nothing(study: Path, undisturbed: Path, tmp_path: Path) -> None:
@@ -273,21 +285,19 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-def test_full_disk_is_told_and_loses_nothing(tmp_path: Path, small_disk: Path) -> None:
-    study = small_study(tmp_path, "puma-mayo.yaml", 100, 10)
-    assert run(*search(study, tmp_path / "reference")).returncode == 0
+def test_full_disk_is_told_and_loses_nothing(mayo: Path, mayo_undisturbed: Path, small_disk: Path) -> None:
     directory = small_disk / "out"
-    done = run(*search(study, directory))
+    done = run(*search(mayo, directory))
     assert done.returncode == 1
     assert "the disk is full; free some space and run again with --resume" in done.stderr
     assert "Traceback" not in done.stderr
     kept = recorded(directory)
     assert kept > 20
     subprocess.run(["mount", "-o", "remount,size=50m", str(small_disk)], check=True)
-    done = run(*search(study, directory, "--resume"))
+    done = run(*search(mayo, directory, "--resume"))
     assert done.returncode == 0, done.stderr
     assert int(re.search(r"\((\d+) from the journal\)", done.stdout)[1]) >= kept  # type: ignore[index]
-    assert_same(directory, tmp_path / "reference")
+    assert_same(directory, mayo_undisturbed)
 
 
 def test_read_only_directory_is_told(tmp_path: Path, small_disk: Path) -> None:
