@@ -25,8 +25,11 @@ _EPS = float(np.finfo(float).eps)
 _MAX_SPLITS = 16  # halvings; a touch that is undecided after so many is closer than _TOUCH
 _MAX_OPEN = 4096  # intervals; more are open only if the locus follows the circle or the axis within round-off
 _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| below this, is a touch
+_NEAR_TOUCH = 4e4 * _EPS  # an extremum this close (of that sum) may be a touch
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
 _SURE = 1e-9  # relative round-off in a crossing's frequency or value, or in |1 + L|, beyond which it is doubtful
+_UNSURE, _LEAST = 1e-6, 1e-2  # error of L by that of A, relative to L (or to this, if L is less), that leaves doubt
+_LARGE, _ROUGH = 1e3, 1e-3  # |L| beyond which a larger one does
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
 DIM = 1e-6  # a crossing fainter than this (120 dB) may be off by its round-off and leaves no doubt about margins
 FAINT, HUGE = 1e-10, 1e10  # |L| beyond which (200 dB) a crossing is of no interest and often round-off
@@ -140,9 +143,16 @@ class _Search:
         self._polish_all()
         nearest, distance = self._best(_NEAREST)
         disk, ratio = self._best(_DISK)
+        self.doubtful = self.doubtful or self._ill_conditioned(intervals)
         return LocusFeatures(
             self._points(_REAL_AXIS), self._points(_UNIT_CIRCLE), nearest, disk, distance, 2.0 * ratio, self.doubtful
         )
+
+    def _ill_conditioned(self, v: Intervals) -> bool:
+        """Whether a matrix some eps away from A has another locus: clusters of light modes, fast poles beside them."""
+        off = self.locus.unsure(v.x0, v.tail)
+        size = np.abs(v.L0)
+        return bool((off > np.where(size < _LARGE, _UNSURE * np.maximum(size, _LEAST), _ROUGH * size)).any())
 
     # Deciding
 
@@ -226,6 +236,7 @@ class _Search:
                 if -HUGE < end.K0 < -FAINT:
                     self.found[_REAL_AXIS].append((omega, complex(end.K0)))
                 if abs(abs(end.K0) - 1.0) <= _TOUCH:
+                    self.doubtful = True
                     self.found[_UNIT_CIRCLE].append((omega, complex(end.K0)))
 
     # Polishing
@@ -331,6 +342,7 @@ class _Search:
         """A touch, two crossings, or none, at the extremum x between ends where f has one sign."""
         kind = jobs.kind[i] - _AXIS_EXTREMUM
         f = L.imag if kind == _REAL_AXIS else abs(L) - 1.0
+        self.doubtful |= abs(f) <= _NEAR_TOUCH * size and (kind == _UNIT_CIRCLE or -HUGE < L.real < -DIM)
         if abs(f) <= (_TOUCH * abs(L) if kind == _REAL_AXIS else _TOUCH):
             self.doubtful |= kind == _UNIT_CIRCLE or -HUGE < L.real < -DIM
             if abs(L) > _NOISE * size:

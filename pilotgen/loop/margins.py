@@ -167,7 +167,7 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     if exact and fractions is None:
         return exact_margins(rational(model))
     features = _features(model, fractions)
-    if features.doubtful and fractions is not None and not exact:
+    if features.doubtful and not exact and model.n_states:
         # Large terms of two poles close to each other cancel in partial fractions, and not in the state space.
         features = locus_features(model)
     if _small_gain(model, fractions, features):

@@ -203,6 +203,31 @@ TEST_CASE("an eigenanalysis on the way sees the state of the time integration") 
   CHECK(linearise_at_times(analysed("list, 2, 0.5001, 0.5002"), {}).size() == 1);  // in one step
 }
 
+TEST_CASE("absurd forces end soon, in a sentence that names them") {
+  const auto said = [](const std::string& force) {
+    const Deck deck = deck_of(
+        "initial time: 0.; final time: 1.; time step: 1e-2; method: ms, .6;\n", "",
+        "structural: 1, dynamic, null, eye, null, null;\nstructural: 2, dynamic, 1., 0., 0., eye, null, null;\n",
+        "body: 1, 1, 1., null, eye;\nbody: 2, 2, 1., null, eye;\n"
+        "joint: 1, spherical hinge, 1, position, 1., 0., 0., 2, position, null;\n"
+        "force: 1, absolute, 1, position, 0.1, 0., 0., 0., 0., 1., " +
+            force + ";\n");
+    try {
+      integrate(deck, {});
+    } catch (const NotConverged& failure) {
+      return std::string(failure.what());
+    }
+    return std::string("no failure");
+  };
+  const std::string advice = "look for a force, a stiffness or a mass that is wrong by orders of magnitude";
+  for (const char* force : {"const, 1e30", "ramp, 1e30, 0., forever, 0.", "step, 0.5, 1e30, 0.", "const, 1e12"}) {
+    INFO(force);
+    CHECK_THAT(said(force), Catch::Contains(advice));
+  }
+  CHECK_THAT(said("const, 1e30"), Catch::Contains("node 1 is accelerated by"));
+  CHECK_THAT(said("const, 1e12"), Catch::Contains(": 5000 steps did not reach the next instant to write: node"));
+}
+
 TEST_CASE("time steps without end are refused") {
   Deck deck = imposed("0.");
   deck.initial_value.time_step = 1e-25;

@@ -107,6 +107,11 @@ TEST_CASE("sine and cosine stop where they should") {
   check_jet(cosine, 1.0, 0.5, 0.0, A * w * w);
   check_jet(cosine, 1.3, 0.5 + A * (1.0 - std::cos(1.2)), A * w * std::sin(1.2), A * w * w * std::cos(1.2));
   check_jet(drive("cosine, 1., 4., 2., half, 0.5"), 1.0 + period, 0.5 + 2.0 * A, 0.0, 0.0);
+  check_jet(drive("sine, 1., 4., 2., -1, 0.5"), 1.0 + period, 0.5 + A, 0.0, 0.0);
+  check_jet(drive("sine, 1., 4., 2., -3, 0.5"), 1.0 + 2.2 * period, 0.5 + A * std::sin(4.4 * std::numbers::pi),
+            A * w * std::cos(4.4 * std::numbers::pi), -A * w * w * std::sin(4.4 * std::numbers::pi));
+  check_jet(drive("sine, 1., 4., 2., -3, 0.5"), 1.0 + 2.3 * period, 0.5 + A, 0.0, 0.0);
+  check_jet(drive("cosine, 1., 4., 2., -2, 0.5"), 1.0 + 1.6 * period, 0.5 + 2.0 * A, 0.0, 0.0);
   check_jet(drive("cosine, 1., 4., 2., one, 0.5"), 1.0 + 1.1 * period, 0.5, 0.0, 0.0);
   check_jet(drive("cosine, 1., 4., 2., 2, 0.5"), 1.0 + 1.5 * period, 0.5 + 2.0 * A, 0.0, -A * w * w);
   check_jet(drive("cosine, 1., 4., 2., 2, 0.5"), 1.0 + 2.1 * period, 0.5, 0.0, 0.0);

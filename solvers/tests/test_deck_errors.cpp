@@ -50,7 +50,7 @@ TEST_CASE("mistakes in elements") {
   joint.elements = "joint: 1, revolut hinge, 1, position, null, 2, position, null;";
   const std::string unknown = complaint(joint.text());
   CHECK(unknown.starts_with("test.mbd:14:11: error: unknown joint type `revolut hinge`, expected: clamp, spherical "));
-  CHECK(unknown.find(", rod, deformable hinge, ") != std::string::npos);
+  CHECK(unknown.find(", rod, rod with offset, deformable hinge, ") != std::string::npos);
   CHECK(unknown.ends_with("; did you mean `revolute hinge`?\n"));
   check_elements("joint: 1, brake, 1;", "test.mbd:14:11: error: not supported: the joint `brake`\n");
   check_elements("joint: 1, spherical hinge, 1, 3;", "test.mbd:14:31: error: node 3 is not defined before this card\n");
@@ -110,7 +110,8 @@ TEST_CASE("mistakes in elements") {
   check_elements("couple: 1, absolute, 1, 1., 0., 0., periodic, 2, 0., 1., 0., 1.;",
                  "test.mbd:14:37: error: not supported: the drive `periodic`\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., cosine, 0., 1., 1., 0, 0.;",
-                 "test.mbd:14:57: error: found 0 cycles, expected 1 or more, half, or forever\n");
+                 "test.mbd:14:57: error: found 0 cycles, expected 1 or more, -1 or less (to stop at the top), half, "
+                 "one, or forever\n");
   check_elements("couple: 1, absolute, 1, 1., 0., 0., string, \"sin(Time\";",
                  "test.mbd:14:45: error: in the string, at character 9: found the end of the "
                  "string, expected `)`\n");

@@ -117,6 +117,34 @@ TEST_CASE("old forms of joints, drives and laws") {
   CHECK(hinge.joints[0].as<mbdae::RevoluteHingeData>().d2 == Vec3(-1.0, -2.0, -3.0));
 }
 
+TEST_CASE("old cards with offset want offsets, not the word") {
+  const auto rod = [](const std::string& elements) {
+    return deck_test::only_joint<mbdae::RodData>(deck_test::with_elements(elements));
+  };
+  const mbdae::RodData now =
+      rod("joint: 1, rod, 1, position, .1, 0., 0., 2, position, 0., .2, 0., 1., linear elastic, 1.;\n");
+  const mbdae::RodData old = rod("joint: 1, rod with offset, 1, .1, 0., 0., 2, 0., .2, 0., 1., linear elastic, 1.;\n");
+  CHECK(old.f1 == now.f1);
+  CHECK(old.f2 == now.f2);
+  CHECK(old.L0 == now.L0);
+  const auto distance = [](const std::string& elements) {
+    return deck_test::only_joint<mbdae::DistanceData>(deck_test::with_elements(elements));
+  };
+  const mbdae::DistanceData apart = distance("joint: 1, distance with offset, 1, .1, 0., 0., 2, null, from nodes;\n");
+  CHECK(apart.f1 == Vec3(0.1, 0.0, 0.0));
+  DeckText deck;
+  deck.elements = "joint: 1, rod, 1, .1, 0., 0., 2, null, 1., linear elastic, 1.;\n";
+  CHECK(deck_test::complaint(deck.text()).find("expected a node label") != std::string::npos);
+}
+
+TEST_CASE("abstract nodes may have names") {
+  DeckText deck;
+  deck.control = "abstract nodes: 1; genels: 1;";
+  deck.nodes += "abstract: 7, name, \"u\", differential, value, 2.;\n";
+  deck.elements = "genel: 1, spring support, 7, abstract, algebraic, linear viscoelastic, 1., 1.;\n";
+  CHECK(deck_test::read_good(deck).abstract_nodes[0].value == 2.0);
+}
+
 TEST_CASE("polynomials, broken lines and drive callers in strings") {
   DeckText deck;
   deck.globals = "set: integer RAMP = 5; drive caller: RAMP, piecewise linear, 3, 0., 1., 1., 3., 3., -1.;\n";

@@ -12,6 +12,7 @@
 
 #include "mbdae/elements/deformable_hinge.h"
 #include "mbdae/elements/deformable_joint.h"
+#include "mbdae/elements/distance.h"
 #include "mbdae/elements/force.h"
 #include "mbdae/elements/hinge.h"
 #include "mbdae/elements/rod.h"

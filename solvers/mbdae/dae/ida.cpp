@@ -40,6 +40,14 @@ constexpr double kFirstStep = 0.1;
 
 constexpr long kStepsPerOutput = 100000, kStepsWithScalars = 1000000;
 
+// It gives up sooner where, twice in a row, this many steps lead on so little that several times the most would be
+// needed.
+constexpr long kStepsBetweenLooks = 2500;
+constexpr double kHopeless = 5.0;
+
+// A part of the time step: how far ahead a failure without visible cause is looked into.
+constexpr double kAhead = 1e-3;
+
 struct IdaDeleter {
   void operator()(void* memory) const { IDAFree(&memory); }
 };
@@ -82,7 +90,15 @@ class Ida {
   /// Goes on to `target`, but not beyond `stop`. Returns SUNDIALS' flag.
   int advance(double target, double stop) {
     IDASetStopTime(ida_.get(), stop);
-    return IDASolve(ida_.get(), target, &t_, y_.get(), ydot_.get(), IDA_NORMAL);
+    const double end = std::min(target, stop), looks = static_cast<double>(most_steps_ / kStepsBetweenLooks);
+    steps_ = 0;
+    for (int hopeless = 0;;) {
+      const double before = t_;
+      const int flag = IDASolve(ida_.get(), target, &t_, y_.get(), ydot_.get(), IDA_NORMAL);
+      if (flag != IDA_TOO_MUCH_WORK || (steps_ += kStepsBetweenLooks) >= most_steps_) return flag;
+      hopeless = end - t_ > kHopeless * looks * (t_ - before) ? hopeless + 1 : 0;
+      if (hopeless == 2) return flag;
+    }
   }
 
   double t() const { return t_; }
@@ -97,10 +113,11 @@ class Ida {
   }
 
   [[noreturn]] void fail(int flag) {
+    const std::string absurd = equations_.absurd_motion(t_, y(), ydot());
     if (flag == IDA_TOO_MUCH_WORK) {
-      throw NotConverged(
-          "time integration stopped at t = " + time_text(t_) + " s: " + std::to_string(most_steps_) +
-          " steps did not reach the next instant to write; loosen the tolerances, or integrate with `ms`");
+      throw NotConverged("time integration stopped at t = " + time_text(t_) + " s: " + std::to_string(steps_) +
+                         " steps did not reach the next instant to write" +
+                         (absurd.empty() ? "; loosen the tolerances, or integrate with `ms`" : ": " + absurd));
     }
     const std::string where = equations_.worst_equation(t_, y(), ydot());
     if (flag == IDA_ROOT_RETURN) {
@@ -112,6 +129,11 @@ class Ida {
     if (flag == IDA_REP_RES_ERR || flag == IDA_FIRST_RES_FAIL || flag == IDA_RES_FAIL) {
       throw NotConverged(stopped + (where.empty() ? "just after it the equations have no finite value" : where) + "; " +
                          kLookForNoNumber);
+    }
+    if (!absurd.empty()) throw NotConverged(stopped + absurd);
+    if (where.empty()) {
+      const std::string soon = equations_.absurd_force(t_ + kAhead * settings_.time_step, y(), ydot());
+      if (!soon.empty()) throw NotConverged(stopped + "just after it " + soon);
     }
     throw NotConverged(
         stopped + (where.empty() ? "all equations hold there, but no step leads on" : where) +
@@ -134,7 +156,7 @@ class Ida {
     IDASetNoInactiveRootWarn(ida_.get());
     IDASetNonlinConvCoef(
         ida_.get(), std::clamp(kRoundOff / std::min(options_.rtol, options_.atol), kNewtonCoefficient, kLooseNewton));
-    IDASetMaxNumSteps(ida_.get(), most_steps_);
+    IDASetMaxNumSteps(ida_.get(), kStepsBetweenLooks);
   }
 
   IdaEquations& equations_;
@@ -147,7 +169,7 @@ class Ida {
   SolverPtr solver_;
   std::unique_ptr<void, IdaDeleter> ida_;
   bool started_ = false;
-  long most_steps_;
+  long most_steps_, steps_ = 0;  // to the next instant: allowed, and done
   double t_ = 0.0;
 };
 

@@ -65,6 +65,12 @@ class IdaEquations {
   /// Which equation is farthest from holding, and how far; empty if all of them hold.
   std::string worst_equation(double t, const Values& y, const Values& ydot);
 
+  /// What moves as no machine does, and what to look for; empty if nothing does.
+  std::string absurd_motion(double t, const Values& y, const Values& ydot);
+
+  /// The same of the equation that is farthest from holding.
+  std::string absurd_force(double t, const Values& y, const Values& ydot);
+
   // IDA's callbacks; the last argument is this object.
   static int residual(double t, N_Vector yy, N_Vector yp, N_Vector rr, void* self);
   static int jacobian(double t, double cj, N_Vector yy, N_Vector yp, N_Vector rr, SUNMatrix J, void* self, N_Vector,

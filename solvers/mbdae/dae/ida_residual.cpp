@@ -2,6 +2,7 @@
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
+#include <sstream>
 
 #include "mbdae/dae/ida_equations.h"
 #include "mbdae/dae/linear_algebra.h"
@@ -12,6 +13,10 @@ namespace mbdae::ida_detail {
 namespace {
 
 constexpr double kHolds = 1e-12;  // residual that is not worth a word [N, N m, m, rad]
+
+// Beyond any machine [m/s^2, rad/s^2], [m/s], [rad/s], [N, N m] (estimated); they decide what a failure is put down to.
+constexpr double kAbsurdAcceleration = 1e10, kAbsurdSpeed = 1e5, kAbsurdSpin = 1e5, kAbsurdForce = 1e10;
+constexpr const char* kLookForOrders = "; look for a force, a stiffness or a mass that is wrong by orders of magnitude";
 
 }  // namespace
 
@@ -48,6 +53,36 @@ std::string IdaEquations::worst_equation(double t, const Values& y, const Values
     if (worst >= group.motion && worst < group.motion + group.count) row = group.force + worst - group.motion;
   }
   return model_.equation_off(row, off);
+}
+
+std::string IdaEquations::absurd_motion(double t, const Values& y, const Values& ydot) {
+  const State& state = state_of(t, y, ydot);
+  double worst = 1.0;
+  std::ostringstream out;
+  out.precision(3);
+  for (int i = 0; i < nodes_; ++i) {
+    const NodeMotion& node = state.nodes[static_cast<std::size_t>(i)];
+    const auto look = [&](double value, double limit, const char* what, const char* unit) {
+      if (!(value > worst * limit)) return;
+      worst = value / limit;
+      out.str("");
+      out << model_.deck().nodes[static_cast<std::size_t>(i)].id.name << " " << what << " " << value << " " << unit;
+    };
+    if (model_.slots()[static_cast<std::size_t>(i)].has_rates()) {
+      look(ydot.segment<3>(velocity(i)).norm(), kAbsurdAcceleration, "is accelerated by", "m/s^2");
+      look(ydot.segment<3>(velocity(i) + 3).norm(), kAbsurdAcceleration, "is accelerated by", "rad/s^2");
+    }
+    look(node.v.norm(), kAbsurdSpeed, "moves at", "m/s");
+    look(node.w.norm(), kAbsurdSpin, "turns at", "rad/s");
+  }
+  return out.str().empty() ? "" : out.str() + kLookForOrders;
+}
+
+std::string IdaEquations::absurd_force(double t, const Values& y, const Values& ydot) {
+  Eigen::VectorXd r(size_);
+  evaluate(t, y, ydot, r);
+  const double most = motions_ == 0 ? 0.0 : r.segment(velocity_, motions_).cwiseAbs().maxCoeff();
+  return most > kAbsurdForce ? worst_equation(t, y, ydot) + kLookForOrders : "";
 }
 
 // Coordinates of motion of a flexible body: those of the node that carries it, then its own.

@@ -108,8 +108,11 @@ DrivePtr read_wave(Context& context, bool sine) {
     cycles = sine ? 0.25 : 0.5;  // stops at the top
   } else if (word != 2) {
     const std::int64_t n = word == 1 ? 1 : input.integer("a number of cycles, half, one, or forever");
-    if (n < 1) input.fail(where, "found " + std::to_string(n) + " cycles, expected 1 or more, half, or forever");
-    cycles = static_cast<double>(n) - (sine ? 0.5 : 0.0);
+    if (n == 0) {
+      input.fail(where, "found 0 cycles, expected 1 or more, -1 or less (to stop at the top), half, one, or forever");
+    }
+    // Negative numbers stop where the slope is zero: at the top.
+    cycles = std::abs(static_cast<double>(n)) - (n < 0 ? (sine ? 0.75 : 0.5) : (sine ? 0.5 : 0.0));
   }
   const double initial = input.real("the initial value");
   if (amplitude == 0.0 || w == 0.0) return constant(initial);

@@ -63,6 +63,7 @@ void read_abstract(Context& context) {
   Input& input = context.input;
   ++context.abstract_node_count.found;
   const Label label = input.label("a node label");
+  skip_name(input);
   context.abstract_nodes.announce(input, label);
   AbstractNodeData node;
   node.id = identity(label, "abstract node");

@@ -125,12 +125,14 @@ void Distance::rates(const State& state, ConstraintRates& out, bool tangent) con
 
 namespace reading {
 
-DistanceData read_distance(Context& context) {
+namespace {
+
+DistanceData read_distance_between(Context& context, Presence offsets) {
   Input& input = context.input;
   End first = read_end(context);
-  read_offset(context, first.place(), Presence::optional, &first.position);
+  read_offset(context, first.place(), offsets, &first.position);
   End second = read_end(context);
-  read_offset(context, second.after(first), Presence::optional, &second.position);
+  read_offset(context, second.after(first), offsets, &second.position);
   DistanceData joint;
   joint.node1 = first.node;
   joint.node2 = second.node;
@@ -148,6 +150,12 @@ DistanceData read_distance(Context& context) {
   }
   return joint;
 }
+
+}  // namespace
+
+DistanceData read_distance(Context& context) { return read_distance_between(context, Presence::optional); }
+
+DistanceData read_distance_with_offset(Context& context) { return read_distance_between(context, Presence::required); }
 
 }  // namespace reading
 

@@ -54,6 +54,8 @@ class Distance final : public Constraint {
 namespace reading {
 
 DistanceData read_distance(Context& context);
+/// The old card: offsets are required, the word `position` before them is not.
+DistanceData read_distance_with_offset(Context& context);
 
 }  // namespace reading
 

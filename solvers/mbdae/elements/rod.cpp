@@ -111,12 +111,14 @@ void Rod::assemble(const State& state, Equations& eq, bool tangent) const {
 
 namespace reading {
 
-RodData read_rod(Context& context) {
+namespace {
+
+RodData read_rod_between(Context& context, Presence offsets) {
   Input& input = context.input;
   End first = read_end(context);
-  read_offset(context, first.place(), Presence::optional, &first.position);
+  read_offset(context, first.place(), offsets, &first.position);
   End second = read_end(context);
-  read_offset(context, second.after(first), Presence::optional, &second.position);
+  read_offset(context, second.after(first), offsets, &second.position);
   if (first.node == second.node) input.fail(input.card_position(), "a rod needs two different nodes");
   RodData joint;
   joint.node1 = first.node;
@@ -132,6 +134,12 @@ RodData read_rod(Context& context) {
   joint.law = read_law1(context, &joint.L0);
   return joint;
 }
+
+}  // namespace
+
+RodData read_rod(Context& context) { return read_rod_between(context, Presence::optional); }
+
+RodData read_rod_with_offset(Context& context) { return read_rod_between(context, Presence::required); }
 
 }  // namespace reading
 

@@ -63,6 +63,8 @@ class Rod final : public Element, public Muscle {
 namespace reading {
 
 RodData read_rod(Context& context);
+/// The old card: offsets are required, the word `position` before them is not.
+RodData read_rod_with_offset(Context& context);
 
 }  // namespace reading
 
