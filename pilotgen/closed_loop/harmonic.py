@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
 
 from pilotgen.closed_loop.elements import friction_force
 from pilotgen.closed_loop.krylov import broyden, gmres
-from pilotgen.closed_loop.swing import Basis, LimitCycle, Swing, complexes, reals
+from pilotgen.closed_loop.swing import Basis, Swing, complexes, reals
 from pilotgen.closed_loop.swing_model import LOCK_N_PER_M, LinearDeck, SwingModel
 from pilotgen.decks.vehicle import Friction
 from pilotgen.errors import EvaluationError
@@ -41,8 +41,6 @@ LARGEST_CHANGE, SHORTEST = 0.3, 0.02  # of a step, relative; shares of a step
 LEAST_WEIGHT, AT_REST = 1e-6, 1e-8  # what moves less is round-off
 SLOWEST_RAD_S, FASTEST_RAD_S = 1.0, 200.0  # of a swing
 FAR_BEYOND = 10.0  # of presliding; swings whose slopes are those of Coulomb's law
-SAME, LARGER = 0.01, 1.01  # relative difference of cycles that are one; of swings that tell what a cycle does
-BESIDE = 1.15  # how far beyond the two swings around it in a sweep a cycle may be
 FIRST_AMPLITUDE_M, FIRST_M_PER_N = 0.02, 0.002  # of the swing that is found first, at least; by breakout force
 HALVINGS = 2  # of a step of a sweep
 DECAYED_RAD_S = -6.0  # a swing that dies faster is not followed further
@@ -183,7 +181,7 @@ class HarmonicBalance:
                 Y, s = (self._by_broyden if exact_first else self._by_gmres)(Y, s, steady, tolerance)
             except EvaluationError as other:
                 raise (error if exact_first else other) from None
-        return self._swing(Y, s, self.evaluations - before)
+        return self.swing(Y, s, self.evaluations - before)
 
     def touches_stop(self, swing: Swing) -> bool:
         """Whether the lever meets a stop."""
@@ -253,7 +251,8 @@ class HarmonicBalance:
 
         return product
 
-    def _swing(self, Y: Complexes, s: complex, evaluations: int) -> Swing:
+    def swing(self, Y: Complexes, s: complex, evaluations: int) -> Swing:
+        """Of harmonics and their pole, found by some evaluations."""
         travel = self.model.travel_m(self._fine.in_time(Y[self.model.lever]))
         return Swing(s.real, s.imag, Y, travel, evaluations)
 
@@ -346,7 +345,7 @@ class HarmonicBalance:
         pole, shape = self.model.least_damped()
         Y = np.zeros((len(shape), self.K + 1), dtype=complex)
         Y[:, 1] = shape * amplitude_m
-        swing = self._swing(Y, pole, 0)
+        swing = self.swing(Y, pole, 0)
         try:
             for self._share in (0.1, 0.3, 0.6, 1.0):
                 swing = self.solve(swing, amplitude_m, ROUGH)
@@ -371,12 +370,12 @@ class HarmonicBalance:
                     balance = self.with_harmonics(1)  # both stops are hard to follow
                 try:
                     try:
-                        balance._follow(passed, amplitude)
+                        balance.follow(passed, amplitude)
                     except EvaluationError:
                         if balance.K == 1:
                             raise
                         balance = self.with_harmonics(1)
-                        balance._follow(passed, amplitude)
+                        balance.follow(passed, amplitude)
                 except EvaluationError as error:
                     lost = f"swings {beyond} {1e3 * passed[-1].amplitude_m:.3g} mm were not followed: {error.reason}"
                     break
@@ -398,15 +397,15 @@ class HarmonicBalance:
                     trouble = error
         raise trouble
 
-    def _follow(self, passed: list[Swing], amplitude_m: float) -> None:
+    def follow(self, passed: list[Swing], amplitude_m: float) -> None:
         """Add the swing of an amplitude to those passed on the way to it, with others in between where it needs them.
 
         EvaluationError if it cannot be reached.
         """
-        step = math.log(amplitude_m / self._grip(passed[-1]))
+        step = math.log(amplitude_m / self.grip_m(passed[-1]))
         least = 0.5**HALVINGS * abs(step)
         while True:
-            left = math.log(amplitude_m / self._grip(passed[-1]))
+            left = math.log(amplitude_m / self.grip_m(passed[-1]))
             if abs(left) < 1e-9:
                 return
             goal = amplitude_m if abs(step) >= abs(left) else amplitude_m * math.exp(step - left)
@@ -418,7 +417,7 @@ class HarmonicBalance:
                 if abs(step) < least:
                     raise
 
-    def _grip(self, swing: Swing) -> float:
+    def grip_m(self, swing: Swing) -> float:
         """Amplitude of the rotation parameter at the grip [m]."""
         return self.model.lever_length_m * float(abs(swing.unknowns[self.model.lever, 1]))
 
@@ -428,53 +427,10 @@ class HarmonicBalance:
         if len(passed) < 2 or passed[-2].harmonics != last.harmonics:
             return last
         before = passed[-2]
-        a, b = self._grip(before), self._grip(last)
+        a, b = self.grip_m(before), self.grip_m(last)
         share = math.log(amplitude_m / b) / math.log(b / a)
         if abs(share) > 2.0:
             return last
         Y = last.unknowns / b + share * (last.unknowns / b - before.unknowns / a)
         s = last.pole + share * (last.pole - before.pole)
         return dataclasses.replace(last, growth_rad_s=s.real, omega_rad_s=s.imag, unknowns=Y * amplitude_m)
-
-    def limit_cycle(self, low: Swing, high: Swing, others: Sequence[LimitCycle] = ()) -> LimitCycle:
-        """The cycle between two swings of a sweep, of which one grows and one dies; none of those found before.
-
-        Where all harmonics at once do not converge from one, other ways are tried; what then is reached is told.
-        """
-        stable = low.growth_rad_s > high.growth_rad_s
-        share = low.growth_rad_s / (low.growth_rad_s - high.growth_rad_s)
-        start = low if share < 0.5 else high
-        if low.harmonics == high.harmonics:
-            Y = np.asarray((1.0 - share) * low.unknowns + share * high.unknowns)
-            start = self.with_harmonics(low.harmonics)._swing(Y, (1.0 - share) * low.pole + share * high.pole, 0)
-        within = low.swing_m / BESIDE, high.swing_m * BESIDE
-
-        def of(harmonics: int, start: Swing) -> Swing:
-            found = (self if harmonics == self.K else self.with_harmonics(harmonics)).solve(start, None)
-            if not within[0] < found.swing_m < within[1]:
-                size = 1e3 * found.swing_m
-                raise EvaluationError("harmonic balance", f"another cycle was found, of {size:.3g} mm")
-            if any(abs(found.swing_m / other.swing.swing_m - 1.0) < SAME for other in others):
-                raise EvaluationError("harmonic balance", "the cycle before this one was found again")
-            if harmonics == self.K and not self.touches_stop(found) and self._attracts(found) is not stable:
-                size = 1e3 * found.swing_m
-                raise EvaluationError("harmonic balance", f"a cycle of the other kind was found, of {size:.3g} mm")
-            return found
-
-        best, trouble, told = start, "", "not refined, this is the nearest swing of the sweep"
-        first = [(1, self.K), (self.K,)] if self.touches_stop(start) else [(self.K,), (1, self.K)]
-        for way in (*first, (3, self.K), (5, self.K), (self.K + 4,)):
-            swing = start if way == (self.K,) else best
-            try:
-                for harmonics in way:
-                    swing = of(harmonics, swing)
-                    if best is start and harmonics == 1:
-                        best, told = swing, "refined with one harmonic only"
-                return LimitCycle(swing, stable)
-            except EvaluationError as error:
-                trouble = error.reason
-        return LimitCycle(best, stable, f"{told}: {trouble}")
-
-    def _attracts(self, cycle: Swing) -> bool:
-        """Whether a swing a little larger than a cycle dies. EvaluationError if it is not found."""
-        return self.solve(cycle, LARGER * self._grip(cycle)).growth_rad_s < 0.0

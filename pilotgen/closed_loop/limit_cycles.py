@@ -9,13 +9,13 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from pilotgen.closed_loop.deck import ClosedLoop, with_gearing
 from pilotgen.closed_loop.harmonic import HarmonicBalance
+from pilotgen.closed_loop.refine import limit_cycles
 from pilotgen.closed_loop.swing import LimitCycle, Swing
 from pilotgen.closed_loop.swing_model import SwingModel, channels
 from pilotgen.closed_loop.threshold import Threshold, threshold
@@ -80,11 +80,7 @@ def balanced(
     low, high = model.loop.travel_to_stops_m()
     at_stops = 0.5 * (high - low) * np.array(AT_STOPS)
     swings, lost = balance.sweep(np.concatenate((np.geomspace(SMALLEST_M, 0.85 * at_stops[0], amplitudes), at_stops)))
-    fine = balance.with_harmonics(harmonics)
-    cycles: list[LimitCycle] = []
-    for one, other in pairwise(swings):
-        if one.growth_rad_s * other.growth_rad_s < 0.0 or other.growth_rad_s == 0.0:
-            cycles.append(fine.limit_cycle(one, other, cycles))
+    cycles = limit_cycles(balance.with_harmonics(harmonics), swings, float(at_stops[-1]))
     return Balanced(model.loop, friction, balance, swings, cycles, lost)
 
 

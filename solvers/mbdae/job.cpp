@@ -229,12 +229,28 @@ Motion integrate_deck(const Deck& deck, const Job& job, Integration& integration
 }
 
 /// The deck whose residuals were asked for last: a balance asks for those of one deck some hundred times, and reading
-/// it takes as long as everything else. Decks that read other files are not kept.
+/// it takes as long as everything else. Files that it reads are read again and compared.
 struct KeptDeck {
-  explicit KeptDeck(std::string its_text, Deck its_deck)
-      : text(std::move(its_text)), deck(std::move(its_deck)), residuals(deck) {}
-  std::string text;
+  KeptDeck(std::string its_name, std::string its_text, Deck its_deck)
+      : name(std::move(its_name)), text(std::move(its_text)), deck(std::move(its_deck)), residuals(deck) {
+    for (std::size_t i = 1; i < deck.files.size(); ++i) others.push_back(read_whole_file(deck.files[i]));
+  }
+
+  bool is(const std::string& other_name, const std::string& other_text) const {
+    if (other_text != text || (!others.empty() && other_name != name)) return false;  // others lie beside the deck
+    try {
+      for (std::size_t i = 0; i < others.size(); ++i) {
+        if (read_whole_file(deck.files[i + 1]) != others[i]) return false;
+      }
+    } catch (const FileError&) {
+      return false;  // reading the deck says what is the matter
+    }
+    return true;
+  }
+
+  std::string name, text;
   Deck deck;
+  std::vector<std::string> others;
   ResidualsAlong residuals;
 };
 std::unique_ptr<const KeptDeck> kept_deck;
@@ -342,7 +358,7 @@ void analyse(const Job& job, Task task, const std::string& text, const Deck& dec
 /// The work of run_job without its edge.
 void run(const Job& job, Outcome& outcome) {
   const std::string text = job.text ? *job.text : read_whole_file(job.deck);
-  if (job.task == Task::residuals && kept_deck && kept_deck->text == text) {
+  if (job.task == Task::residuals && kept_deck && kept_deck->is(job.deck, text)) {
     outcome.analysis = analysis_name(job.task);
     refuse_unused_options(job.task, job.options);
     return write_residuals(kept_deck->residuals, job, outcome);
@@ -374,10 +390,9 @@ void run(const Job& job, Outcome& outcome) {
   }
   if (task == Task::residuals) {
     kept_deck.reset();
-    const bool alone = deck.files.size() < 2 && text.find("file") == std::string::npos;
-    auto ready = std::make_unique<const KeptDeck>(text, std::move(deck));
+    auto ready = std::make_unique<const KeptDeck>(job.deck, text, std::move(deck));
     write_residuals(ready->residuals, job, outcome);
-    if (alone && outcome.diagnostics.empty()) kept_deck = std::move(ready);
+    if (outcome.diagnostics.empty()) kept_deck = std::move(ready);
     return;
   }
   analyse(job, task, text, deck, outcome);

@@ -378,6 +378,34 @@ def test_residuals_along_samples_of_a_file(mbdae: Path, tmp_path: Path) -> None:
     assert "3 bytes" in str(serve(mbdae, json.dumps(task).encode())[0]["message"])
 
 
+def test_residuals_of_a_deck_whose_files_change(mbdae: Path, tmp_path: Path) -> None:
+    inside, samples, output = tmp_path / "inside.mbd", tmp_path / "s.bin", tmp_path / "r.bin"
+    (tmp_path / "deck.mbd").write_text('include: "inside.mbd";\n')
+    inside.write_text(pendulum())
+    np.zeros(1).tofile(samples)
+    with SolverClient(str(mbdae)) as client:
+
+        def left(check: bool = True) -> str:
+            reply = client.request(
+                "residuals", name=tmp_path / "deck.mbd", output=output, samples=str(samples), check=check
+            )
+            return "" if reply.status == "ok" else reply.message
+
+        n = int(left(check=False).split("rows of 2 x ")[1].split(",")[0])
+        motion = np.zeros(2 * n)
+        motion[3:6] = 0.05, 0.1, 0.15  # turned, about a pin that is elsewhere in another text
+        motion.tofile(samples)
+        found = []
+        for text in (pendulum(), pendulum(), pendulum(angle_rad=0.3), pendulum()):
+            inside.write_text(text)
+            assert left() == ""
+            found.append(np.fromfile(output))
+        assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[3])
+        assert np.abs(found[2] - found[0]).max() > 1e-3
+        inside.unlink()
+        assert "cannot include" in left(check=False)
+
+
 def test_a_line_too_long_is_refused_and_the_next_one_served(mbdae: Path) -> None:
     replies = serve(mbdae, b"x" * (65 << 20) + b'\n{"id": 2, "task": "version"}\n')
     assert [reply["status"] for reply in replies] == ["bad_request", "ok"]
