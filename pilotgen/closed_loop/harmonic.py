@@ -408,14 +408,16 @@ class HarmonicBalance:
             left = math.log(amplitude_m / self.grip_m(passed[-1]))
             if abs(left) < 1e-9:
                 return
-            goal = amplitude_m if abs(step) >= abs(left) else amplitude_m * math.exp(step - left)
+            step = math.copysign(min(abs(step), abs(left)), left)
+            goal = amplitude_m * math.exp(step - left)
+            near = abs(step) < 1.5 * least
             try:
-                passed.append(self.solve(self._predicted(passed, goal), goal, ROUGH, abs(step) < 1.5 * least))
+                passed.append(self.solve(self._predicted(passed, goal), goal, ROUGH, near))
                 step *= 2.0
             except EvaluationError:
-                step *= 0.5
-                if abs(step) < least:
+                if near:
                     raise
+                step *= 0.5
 
     def grip_m(self, swing: Swing) -> float:
         """Amplitude of the rotation parameter at the grip [m]."""
