@@ -15,6 +15,7 @@ import pytest
 import pilotgen as pg
 from pilotgen.closed_loop.deck import ClosedLoop, close_in_deck, friction_of
 from pilotgen.closed_loop.harmonic import HarmonicBalance
+from pilotgen.closed_loop.refine import limit_cycles
 from pilotgen.closed_loop.simulate import disturbance, simulate
 from pilotgen.closed_loop.swing_model import SwingModel
 from pilotgen.closed_loop.threshold import swings
@@ -85,7 +86,7 @@ def test_the_margin_is_the_gearing_at_which_a_swing_keeps_itself_up(
     balance = HarmonicBalance(model, more_friction(STUDY, FRICTION_N))
     low, high = balance.sweep(np.array([7e-3, 1.4e-2]))[0]
     assert low.growth_rad_s < 0.0 < high.growth_rad_s
-    cycle = balance.limit_cycle(low, high)
+    (cycle,) = limit_cycles(balance, [low, high], high.amplitude_m)
     assert not cycle.stable and not cycle.trouble  # larger swings feel less friction, and grow
     assert cycle.swing.amplitude_m == pytest.approx(SWING_M, rel=1e-2)  # geometry has 0.5 %
     assert cycle.swing.frequency_hz == pytest.approx(margin[1], rel=1e-3)
