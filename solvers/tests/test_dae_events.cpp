@@ -203,6 +203,38 @@ TEST_CASE("an eigenanalysis on the way sees the state of the time integration") 
   CHECK(linearise_at_times(analysed("list, 2, 0.5001, 0.5002"), {}).size() == 1);  // in one step
 }
 
+TEST_CASE("drives that begin to contradict on the way are named") {
+  const auto said = [](const std::string& joint, const char* integrator) {
+    const Deck deck = deck_of(
+        "initial time: 0.; final time: 1.; time step: 1e-2; method: ms, .6; tolerance: 1e-9; max iterations: 30;\n", "",
+        "structural: 1, dynamic, null, eye, null, null;\nstructural: 2, static, 1., 0., 0., eye, null, null;\n",
+        "body: 1, 1, 1., null, eye;\njoint: 3, clamp, 2, node, node;\n"
+        "joint: 1, total pin joint, 1, position, null, position, null, position constraint, 1, 1, 1, null, "
+        "orientation constraint, 1, 1, 1, null;\n" +
+            joint);
+    IntegrateOptions options;
+    options.integrator = integrator;
+    try {
+      integrate(deck, options);
+    } catch (const NotConverged& failure) {
+      return std::string(failure.what());
+    }
+    return std::string("no failure");
+  };
+  const std::string pin =
+      "joint: 2, total pin joint, 1, position, null, position, null, position constraint, 1, 0, 0, component, ";
+  for (const char* integrator : {"ida", "ms"}) {
+    INFO(integrator);
+    for (const char* drive : {"ramp, 1., .5, forever, 0.", "sine, .2, 3., .1, forever, 0.", "step, .5, .1, 0."}) {
+      INFO(drive);
+      CHECK_THAT(said(pin + drive + ", null, null;\n", integrator),
+                 Catch::Contains("joint 2 (total pin joint 2) is open by") && Catch::Contains("contradicts the other"));
+      CHECK_THAT(said(std::string("joint: 2, distance, 1, 2, array, 2, 1., ") + drive + ";\n", integrator),
+                 Catch::Contains("joint 2 (distance 2) is open by") && Catch::Contains("contradicts the other"));
+    }
+  }
+}
+
 TEST_CASE("absurd forces end soon, in a sentence that names them") {
   const auto said = [](const std::string& force) {
     const Deck deck = deck_of(

@@ -205,6 +205,20 @@ Correction close_constraints(Model& model, State& state) {
   return out;
 }
 
+std::string contradiction_text(const Model& model, const Correction& correction, double t) {
+  std::ostringstream out;
+  out << "at t = " << t << " s " << violated(model, correction, false)
+      << ", and no position closes it: it contradicts the other constraints; remove a redundant constraint or make the "
+         "drives agree";
+  return out.str();
+}
+
+std::string contradiction(Model& model, State state, double t) {
+  state.t = t;
+  const Correction positions = close_constraints(model, state);
+  return positions.left <= kConstraintTolerance ? "" : contradiction_text(model, positions, t);
+}
+
 Correction match_velocities(const Model& model, State& state) {
   Correction out;
   if (model.reaction_count() == 0) return out;

@@ -41,6 +41,12 @@ Correction match_velocities(const Model& model, State& state);
 /// `constraint 1 of 3 of joint hinge (...) is open by 0.1 m` (velocity: `m/s`).
 std::string violated(const Model& model, const Correction& correction, bool velocity);
 
+/// What `close_constraints` left open at time t [s], said as the contradiction it is.
+std::string contradiction_text(const Model& model, const Correction& correction, double t);
+
+/// The same if no position near the state's satisfies the constraints at time t; empty if one does.
+std::string contradiction(Model& model, State state, double t);
+
 /// The deck's state ready for an analysis: checks the constraints, and finds velocities that satisfy them where the
 /// deck's do not (unless it says `skip initial joint assembly`). Adds what it changed to `notes`.
 State consistent_state(Model& model, std::vector<std::string>& notes);

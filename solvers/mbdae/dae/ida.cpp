@@ -46,7 +46,7 @@ constexpr long kStepsBetweenLooks = 2500;
 constexpr double kHopeless = 5.0;
 
 // A part of the time step: how far ahead a failure without visible cause is looked into.
-constexpr double kAhead = 1e-3;
+constexpr double kAhead = 1e-3, kFarAhead = 10.0;
 
 struct IdaDeleter {
   void operator()(void* memory) const { IDAFree(&memory); }
@@ -134,6 +134,10 @@ class Ida {
     if (where.empty()) {
       const std::string soon = equations_.absurd_force(t_ + kAhead * settings_.time_step, y(), ydot());
       if (!soon.empty()) throw NotConverged(stopped + "just after it " + soon);
+      for (const double ahead : {kAhead, 1.0, kFarAhead}) {
+        const std::string contradicts = equations_.contradiction_at(t_ + ahead * settings_.time_step);
+        if (!contradicts.empty()) throw NotConverged(stopped + contradicts);
+      }
     }
     throw NotConverged(
         stopped + (where.empty() ? "all equations hold there, but no step leads on" : where) +

@@ -74,9 +74,7 @@ Correction IdaEquations::settle(double t) {
   Correction positions = close_constraints(model_, state_);
   if (positions.worst >= 0) {
     if (!(positions.left <= kConstraintTolerance)) {
-      throw NotConverged("at t = " + time_text(t) + " s " + violated(model_, positions, false) +
-                         ", and no position closes it: it contradicts the other constraints; remove a redundant "
-                         "constraint or make the drives agree");
+      throw NotConverged(contradiction_text(model_, positions, t));
     }
     match_velocities(model_, state_);
   }

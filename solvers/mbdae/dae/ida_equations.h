@@ -12,6 +12,7 @@
 #include <nvector/nvector_serial.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
+#include <algorithm>
 #include <limits>
 #include <string>
 #include <vector>
@@ -70,6 +71,9 @@ class IdaEquations {
 
   /// The same of the equation that is farthest from holding.
   std::string absurd_force(double t, const Values& y, const Values& ydot);
+
+  /// What contradicts what at time t, were the present state to go there; empty if nothing does.
+  std::string contradiction_at(double t) { return contradiction(model_, state_, std::clamp(t, from_, to_)); }
 
   // IDA's callbacks; the last argument is this object.
   static int residual(double t, N_Vector yy, N_Vector yp, N_Vector rr, void* self);

@@ -6,6 +6,7 @@
 #include <optional>
 #include <sstream>
 
+#include "mbdae/dae/consistency.h"
 #include "mbdae/dae/linear_algebra.h"
 #include "mbdae/dae/recorder.h"
 
@@ -142,7 +143,11 @@ class Stepper {
       out << " in " << settings_.max_iterations << " iterations (residual " << norm << ", wanted "
           << settings_.tolerance << ")";
     }
-    out << ": " << model_.equation_off(worst, eq_.g(worst)) << "; use a shorter time step";
+    const bool constrained = std::isfinite(norm) && worst >= model_.own_start();
+    const std::string contradicts = constrained ? contradiction(model_, last.state, next.state.t) : "";
+    out << ": "
+        << (contradicts.empty() ? model_.equation_off(worst, eq_.g(worst)) + "; use a shorter time step" : contradicts);
+    if (constrained && contradicts.empty()) out << ", or look for constraints that contradict each other";
     if (!std::isfinite(norm)) out << ", or " << kLookForNoNumber;
     throw NotConverged(out.str());
   }
