@@ -1,7 +1,7 @@
 """Sphinx configuration of the documentation site (`make docs`).
 
-Pages are the Markdown files of docs/. Reference pages of commands, Python door and study keys are made from the code
-while the site is built, into docs/reference/generated/.
+Pages are the Markdown files of docs/. Reference pages of commands, Python interface and study keys are made from the
+code while the site is built, into docs/reference/generated/.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

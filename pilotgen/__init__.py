@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 __version__ = "1.0.0"
 
-# name -> module that defines it; reading a study loads neither numpy nor the rest of the house
+# name -> module that defines it; reading a study loads neither numpy nor the rest of the package
 _PUBLIC = {
     "OBJECTIVES": "objectives",
     "EvaluationError": "errors",

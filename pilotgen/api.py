@@ -1,4 +1,4 @@
-"""The Python door: what `import pilotgen as pg` offers (docs/python.md). Everything else is the inside of the house.
+"""The Python interface: what `import pilotgen as pg` offers (docs/python.md). Everything else is internal.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 from pilotgen import __version__
 from pilotgen.errors import NO_MEMORY, EvaluationError, IncompleteOutput, PilotgenError, without_memory
 from pilotgen.study.wording import did_you_mean
-from pilotgen.terminal import Door, standard_streams, stop_on_signals
+from pilotgen.terminal import SafeStream, standard_streams, stop_on_signals
 
 COMMANDS = (
     "pilot",
@@ -89,7 +89,7 @@ class _Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         """Help, with whatever colours argparse gives it."""
         stream = file if file is not None else sys.stderr
-        if isinstance(stream, Door):
+        if isinstance(stream, SafeStream):
             stream.raw_write(message)
         else:
             stream.write(message)
@@ -145,7 +145,7 @@ def _hold_the_collector_back() -> None:
     atexit.register(gc.freeze)
 
 
-def _run(arguments: Sequence[str] | None, out: Door) -> int:
+def _run(arguments: Sequence[str] | None, out: SafeStream) -> int:
     try:
         stop_on_signals()
         parser = build_parser()

@@ -22,7 +22,7 @@ class EvaluationError(PilotgenError):
     Parameters
     ----------
     stage : str
-        The room of the house where it happened: "biometrics", "body", "posture", "activation", "solver", ...
+        The stage at which it happened: "biometrics", "body", "posture", "activation", "solver", ...
     reason : str
         One sentence for an ergonomist or engineer, with numbers and units.
     """

@@ -51,7 +51,7 @@ class ProgressLine:
     def __init__(self, total: int, stream: TextIO | None = None, quiet: bool = False) -> None:
         self._stream: Any = stream if stream is not None else sys.stderr
         self._live = self._stream.isatty() and not quiet
-        self._write = getattr(self._stream, "raw_write", self._stream.write)  # a door would escape the carriage return
+        self._write = getattr(self._stream, "raw_write", self._stream.write)  # unescaped: carriage returns
         self._quiet = quiet
         self._total = total
         self._begin: tuple[float, int] | None = None  # when work was first seen to be done, and how much

@@ -1,8 +1,8 @@
 """What stands between the program and who started it: standard streams, colours, signals.
 
-Everything that is printed goes through one door. It shows control characters, wherever they come from (names in files,
-a solver's words), as escapes; it colours a few words on a terminal; and an output that cannot be written does not end
-what is being computed.
+Everything that is printed goes through `SafeStream`. It shows control characters, wherever they come from (names in
+files, a solver's words), as escapes; it colours a few words on a terminal; and an output that cannot be written does
+not end what is being computed.
 
 SPDX-License-Identifier: BSD-3-Clause
 """
@@ -49,7 +49,7 @@ def wants_colour(stream: Any) -> bool:
     return bool(not os.environ.get("NO_COLOR") and os.environ.get("TERM", "dumb") != "dumb" and stream.isatty())
 
 
-class Door(io.TextIOBase):
+class SafeStream(io.TextIOBase):
     """A standard stream: escapes what is written, colours it on a terminal, and keeps the first error for later.
 
     Parameters
@@ -122,8 +122,8 @@ class Door(io.TextIOBase):
 
 
 @contextmanager
-def standard_streams() -> Iterator[tuple[Door, Door]]:
-    """Standard output and standard error as doors, while the block runs.
+def standard_streams() -> Iterator[tuple[SafeStream, SafeStream]]:
+    """Standard output and standard error as safe streams, while the block runs.
 
     A stream that was closed before the program started is nothing: what goes there is dropped, and no file that is
     opened later takes its number.
@@ -134,18 +134,18 @@ def standard_streams() -> Iterator[tuple[Door, Door]]:
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
     before = sys.stdout, sys.stderr
-    doors = []
+    streams = []
     for number, stream in zip((1, 2), before, strict=True):
         stream = stream if stream is not None else os.fdopen(number, "w", encoding="utf-8", closefd=False)
         if isinstance(stream, io.TextIOWrapper):  # a degree sign must not end a run on an ASCII terminal
             stream.reconfigure(errors="backslashreplace")
-        doors.append(Door(stream))
-    sys.stdout, sys.stderr = doors
+        streams.append(SafeStream(stream))
+    sys.stdout, sys.stderr = streams
     try:
-        yield doors[0], doors[1]
+        yield streams[0], streams[1]
     finally:
-        for door in doors:
-            door.flush()
+        for stream in streams:
+            stream.flush()
         sys.stdout, sys.stderr = before
 
 

@@ -25,7 +25,7 @@ Violation = Callable[
 GENERATIONS = 25
 PER_CURE = 4  # members of the evolution's population for each cure
 _PENALTY = 1e3  # for missing a limit, beside costs of a few
-CRUMB = 0.01  # share of an amount's range
+NEGLIGIBLE = 0.01  # share of an amount's range
 _HALVINGS = 7  # of an amount's range: one part in 128
 
 
@@ -102,18 +102,18 @@ def cheapest(cures: Sequence[Cure], violation: Violation, seed: int) -> Optimum:
 def _pruned(cures: Sequence[Cure], violation: Violation, amounts: Floats) -> tuple[Floats, float]:
     """Take out what is not needed, the dearest that can go first; then make each that is left as small as it can be.
 
-    A crumb, which nobody would fit, goes if the others need to be no more than that larger.
+    A negligible amount, which nobody would fit, goes if the others need to be no more than that larger.
     """
     amounts = _smallest(cures, violation, _without_needless(cures, violation, amounts))
     low, high = (np.array([getattr(cure, end) for cure in cures]) for end in ("low", "high"))
     reach = np.where(amounts < 0.0, -low, high)
-    crumbs = (amounts != 0.0) & (np.abs(amounts) < CRUMB * reach)
-    more = np.clip((1.0 + CRUMB) * amounts, low, high)
-    for k in np.flatnonzero(crumbs).tolist():
+    negligible = (amounts != 0.0) & (np.abs(amounts) < NEGLIGIBLE * reach)
+    more = np.clip((1.0 + NEGLIGIBLE) * amounts, low, high)
+    for k in np.flatnonzero(negligible).tolist():
         trial = np.where(np.arange(len(amounts)) == k, 0.0, more)
         if violation(trial[None, :])[0] <= 0.0:
             more = amounts = trial
-    if crumbs.any():
+    if negligible.any():
         amounts = _smallest(cures, violation, amounts)
     return amounts, float(violation(amounts[None, :])[0])
 

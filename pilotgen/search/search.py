@@ -1,4 +1,4 @@
-"""The door of the search: choose an algorithm by the study's settings and run it to its end.
+"""A search from outside: choose an algorithm by the study's settings and run it to its end.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

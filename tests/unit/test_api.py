@@ -1,4 +1,4 @@
-"""The Python door: small typed objects that agree with the files and with each other.
+"""The Python interface: small typed objects that agree with the files and with each other.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

@@ -19,7 +19,7 @@ import pytest
 from command_line import MAYO, QUICK, Run, changed
 
 from pilotgen.cli import COMMANDS, EXIT_CODES
-from pilotgen.terminal import Door
+from pilotgen.terminal import SafeStream
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -132,10 +132,10 @@ def test_control_characters_do_not_reach_the_terminal(run: Run, tmp_path: Path) 
     assert code == 2 and r"\x1b[31mred\x08\x08" in err and "\x1b" not in err
 
 
-def test_the_door() -> None:
+def test_what_is_printed_is_made_safe() -> None:
     stream = io.StringIO()
-    door = Door(stream)
-    print("a\tcaf\u00e9 50\u00a0% \u0394 \x07\x9b\u200b\u2028", file=door)
+    safe = SafeStream(stream)
+    print("a\tcaf\u00e9 50\u00a0% \u0394 \x07\x9b\u200b\u2028", file=safe)
     assert stream.getvalue() == "a\tcaf\u00e9 50\u00a0% \u0394 \\x07\\x9b\\u200b\\u2028\n"
 
 
@@ -151,12 +151,12 @@ def test_colour_on_a_terminal_that_takes_it(
         monkeypatch.setenv(name, value)
     stream = io.StringIO()
     stream.isatty = lambda: True  # type: ignore[method-assign]
-    print("pilotgen: error: the loop is UNSTABLE", file=Door(stream))
+    print("pilotgen: error: the loop is UNSTABLE", file=SafeStream(stream))
     plain = "pilotgen: error: the loop is UNSTABLE\n"
     red = "\x1b[31mpilotgen: error:\x1b[0m the loop is \x1b[31mUNSTABLE\x1b[0m\n"
     assert stream.getvalue() == (red if coloured else plain)
     quiet = io.StringIO()
-    print("UNSTABLE", file=Door(quiet))
+    print("UNSTABLE", file=SafeStream(quiet))
     assert quiet.getvalue() == "UNSTABLE\n", "not a terminal"
 
 

@@ -90,7 +90,7 @@ def test_the_cheapest_combination_of_a_linear_problem_is_the_corner_that_theory_
     assert again.amounts.tolist() == found.amounts.tolist()
 
 
-def test_a_crumb_of_a_cure_is_not_proposed() -> None:
+def test_a_negligible_amount_of_a_cure_is_not_proposed() -> None:
     cures = [Cure(str(k), "", "", 0.0, 1.0, cost, True, "") for k, cost in enumerate((2.0, 1.0))]
 
     def pruned(*amounts: float) -> list[float]:
@@ -100,7 +100,7 @@ def test_a_crumb_of_a_cure_is_not_proposed() -> None:
 
     first, second = pruned(0.749, 0.006)
     assert second == 0.0 and first == pytest.approx(0.75, abs=5e-3)
-    assert pruned(0.7, 0.5)[1] > 0.1  # no crumb
+    assert pruned(0.7, 0.5)[1] > 0.1  # not negligible
 
 
 def test_what_cannot_be_reached_is_not_called_reached() -> None:

@@ -1,4 +1,4 @@
-"""The search as a whole: elitism, termination, failures, reproducibility, both algorithms behind one door.
+"""The search as a whole: elitism, termination, failures, reproducibility, both algorithms behind one function.
 
 SPDX-License-Identifier: BSD-3-Clause
 """

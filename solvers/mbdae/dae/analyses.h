@@ -1,4 +1,4 @@
-// The door of the analysis rooms: a Deck in, results out.
+// The analyses: a Deck in, results out.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once

@@ -1,4 +1,4 @@
-// The door of the reading room: a file or a text in, a Deck or diagnostics out. Never throws on bad input.
+// Reads decks: a file or a text in, a Deck or diagnostics out. Never throws on bad input.
 //
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
