@@ -28,7 +28,7 @@ _TOUCH = 1e-10  # an extremum of |L| within this of 1, or with |Im L| / |L| belo
 _NEAR_TOUCH = 4e4 * _EPS  # an extremum this close (of that sum) may be a touch
 _NOISE = 1e3 * _EPS  # |L| below this fraction of the sum of its terms' moduli is round-off
 _SURE = 1e-9  # relative round-off in a crossing's frequency or value, or in |1 + L|, beyond which it is doubtful
-_UNSURE, _LEAST = 1e-6, 1e-2  # error of L by that of A, relative to L (or to this, if L is less), that leaves doubt
+_UNSURE, _LEAST = 1e-6, 1.0  # error of L by that of A, relative to L (or to this, if L is less), that leaves doubt
 _LARGE, _ROUGH = 1e3, 1e-3  # |L| beyond which a larger one does
 _SAME = 1e-9  # relative distance in frequency below which two roots are one
 DIM = 1e-6  # a crossing fainter than this (120 dB) may be off by its round-off and leaves no doubt about margins
@@ -108,7 +108,9 @@ class _Jobs:
 _REAL_AXIS, _UNIT_CIRCLE, _AXIS_EXTREMUM, _CIRCLE_EXTREMUM, _NEAREST, _DISK = range(6)
 
 
-def locus_features(model: StateSpaceModel, fractions: PartialFractions | None = None) -> LocusFeatures:
+def locus_features(
+    model: StateSpaceModel, fractions: PartialFractions | None = None, dim: float = DIM
+) -> LocusFeatures:
     """Crossings and nearest points of the locus L(j omega), 0 <= omega <= infinity, of a proper loop.
 
     Parameters
@@ -117,14 +119,17 @@ def locus_features(model: StateSpaceModel, fractions: PartialFractions | None = 
         The loop L, one input and output, at least one state.
     fractions : PartialFractions, optional
         The same as a sum of partial fractions, if its poles are apart: quicker.
+    dim : float
+        |L| of the faintest crossing of the axis whose round-off leaves doubt.
     """
     with np.errstate(all="ignore"):  # infinite next to a pole, 0/0 at an end: met where it happens
-        return _Search(Locus(model, fractions)).run()
+        return _Search(Locus(model, fractions), dim).run()
 
 
 class _Search:
-    def __init__(self, locus: Locus) -> None:
+    def __init__(self, locus: Locus, dim: float) -> None:
         self.locus = locus
+        self.dim = dim
         self.jobs = _Jobs()
         self.found: dict[int, list[tuple[float, complex]]] = {_REAL_AXIS: [], _UNIT_CIRCLE: []}
         self.minima: dict[int, list[tuple[float, complex]]] = {_NEAREST: [], _DISK: []}
@@ -333,7 +338,7 @@ class _Search:
                         self._keep(kind, x, tail, L)
                     # how fast the locus goes through the axis or the circle, against the round-off of L
                     speed = abs(S.imag) if kind == _REAL_AXIS else abs((L.conjugate() * S).real) / (abs(L) or 1.0)
-                    counts = kind == _UNIT_CIRCLE or -HUGE < L.real < -DIM
+                    counts = kind == _UNIT_CIRCLE or -HUGE < L.real < -self.dim
                     self.doubtful |= counts and round_off > _SURE * min(abs(L), x * speed)
                 else:
                     self._extremum(jobs, i, x, L, size)

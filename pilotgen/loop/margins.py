@@ -32,6 +32,9 @@ REAL_AXIS, UNIT_CIRCLE = "real axis", "unit circle"
 
 _CONDITION = 1e5  # of eigenvectors, up to which a pilot is taken apart into poles and residues (linear/modal.py)
 _TWO_PI = 2.0 * math.pi
+# Crossings of the axis fainter than this (20 dB) leave no doubt in loops that are too large for exact arithmetic: of a
+# margin that no loop lacks a thousandth of a dB may be wrong.
+_DIM_OF_LARGE = 0.1
 _EPS = float(np.finfo(float).eps)
 
 
@@ -169,7 +172,7 @@ def margins(loop: LoopModel | StateSpaceModel) -> Margins:
     features = _features(model, fractions)
     if features.doubtful and not exact and model.n_states:
         # Large terms of two poles close to each other cancel in partial fractions, and not in the state space.
-        features = locus_features(model)
+        features = locus_features(model, dim=_DIM_OF_LARGE)
     if _small_gain(model, fractions, features):
         return _margins(model.D, True, features)
     largest = largest_real_part(model)

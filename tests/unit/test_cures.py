@@ -322,6 +322,24 @@ def test_a_crossing_that_is_too_faint_to_matter_leaves_no_doubt() -> None:
     assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-4)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_filters_and_other_cures_together_have_margins(seed: int) -> None:
+    # some 75 states, too many for exact arithmetic; crossings at low frequencies that are faint by the washout
+    rng = np.random.default_rng(seed)
+    known = catalogue.catalogue()
+    amounts = {key: float(rng.uniform(cure.low, cure.high)) for key, cure in known.items() if rng.random() < 0.5}
+    amounts["notch"] = float(rng.uniform(3.0, known["notch"].high))
+    amounts.pop("friction", None)
+    who = {"age_years": rng.uniform(25, 60), "bmi": rng.uniform(19, 29), "stature_m": rng.uniform(1.6, 1.95)}
+    pilot = pg.evaluate(STUDY, {**{name: float(value) for name, value in who.items()}, **changes(STUDY, amounts, 3.65)})
+    omega = np.geomspace(0.5, 200.0, 6_000)  # rad/s, an independent look
+    L = pilot.open_loop()(1j * omega)
+    assert pilot.margins.modulus_margin == pytest.approx(float(np.abs(1.0 + L).min()), abs=1e-4)
+    crossed = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0.0) & (L.real[:-1] < -1e-3))
+    if crossed.size and pilot.margins.stable:
+        assert pilot.margins.gain_margin_db == pytest.approx(-20.0 * np.log10(-L.real[crossed].min()), abs=3e-2)
+
+
 @pytest.mark.parametrize("damping", [19.592363455644602, 19.7203])
 def test_a_lever_that_is_nearly_critically_damped_has_margins(damping: float) -> None:
     # two poles of arm and lever become one: large terms of partial fractions cancel, the state space has none
