@@ -252,7 +252,7 @@ class HarmonicBalance:
         return product
 
     def swing(self, Y: Complexes, s: complex, evaluations: int) -> Swing:
-        """Of harmonics, shape (K + 1, n), and their pole, found by some evaluations."""
+        """Of harmonics, shape (n, K + 1), and their pole, found by some evaluations."""
         travel = self.model.travel_m(self._fine.in_time(Y[self.model.lever]))
         return Swing(s.real, s.imag, Y, travel, evaluations)
 
