@@ -17,10 +17,11 @@ import numpy as np
 
 from pilotgen.errors import PilotgenError
 from pilotgen.linear.statespace import ComplexArray, FloatArray
-from pilotgen.loop.crossings import LocusFeatures, Points
+from pilotgen.loop.crossings import FAINT, HUGE, LocusFeatures, Points
 
 LEAST_POINTS = 8
 _SAMPLES = 32  # of the interpolant between two points
+_Lowest = tuple[FloatArray, ComplexArray, FloatArray]  # omega, L, possible error; one of each
 _CLOSING = math.radians(30.0)  # the locus may be this far from the real axis at the ends of the data
 
 
@@ -94,10 +95,14 @@ def from_data(data: FrequencyData) -> FrequencyAnswer:
     i, u = np.append(i, curve.intervals - 1), np.append(u, 1.0)
     L = curve.at(i, u)[0]
     axis = curve.roots(i, u, L, lambda v: v.imag)
-    axis = tuple(part[axis[1].real < 0.0] for part in axis)  # type: ignore[assignment]
+    kept = (-HUGE < axis[1].real) & (axis[1].real < -FAINT)
+    axis = tuple(part[kept] for part in axis)  # type: ignore[assignment]
     circle = curve.roots(i, u, L, lambda v: np.abs(v) - 1.0)
-    nearest = curve.lowest(i, u, L, lambda v: np.abs(1.0 + v))
-    disk = curve.lowest(i, u, L, lambda v: 2.0 * np.abs(1.0 + v) / np.maximum(np.abs(1.0 - v), 1e-300))
+    rest = _at_rest(data)
+    if rest is not None and -HUGE < rest[0] < -max(FAINT, rest[1]):
+        axis = tuple(np.concatenate(([first], part)) for first, part in zip((0.0, *rest), axis, strict=True))  # type: ignore[assignment]
+    nearest = _with_ends(curve.lowest(i, u, L, _distance), _distance, rest)
+    disk = _with_ends(curve.lowest(i, u, L, _disk_size), _disk_size, rest)
     features = LocusFeatures(
         Points(axis[0], axis[1].real.astype(complex)),
         Points(circle[0], circle[1]),
@@ -109,9 +114,54 @@ def from_data(data: FrequencyData) -> FrequencyAnswer:
     stable, reason = _count(data, curve, i, u, L)
     at_disk = complex(disk[1][0])
     slope = 2.0 / abs(1.0 - at_disk) * (1.0 + abs(1.0 + at_disk) / abs(1.0 - at_disk)) if at_disk != 1.0 else math.inf
+    # Beyond the data |L| may be anything up to its last value.
+    beyond = np.array([-min(abs(data.L[-1]), 1.0)], dtype=complex)
     return FrequencyAnswer(
-        features, stable, reason, axis[2], circle[2], float(nearest[2][0]), slope * float(disk[2][0])
+        features,
+        stable,
+        reason,
+        axis[2],
+        circle[2],
+        max(float(nearest[2][0]), features.distance - float(_distance(beyond)[0])),
+        max(slope * float(disk[2][0]), features.alpha - float(_disk_size(beyond)[0])),
     )
+
+
+def _distance(L: ComplexArray) -> FloatArray:
+    return np.asarray(np.abs(1.0 + L))
+
+
+def _disk_size(L: ComplexArray) -> FloatArray:
+    return np.asarray(2.0 * np.abs(1.0 + L) / np.maximum(np.abs(1.0 - L), 1e-300))
+
+
+def _at_rest(data: FrequencyData) -> tuple[float, float] | None:
+    """L(0), which is real, and how far off it may be; None if it is infinite or the data do not come near the axis.
+
+    The real part of L is even in omega: a parabola in omega^2 through the first point and those an octave and two above
+    it. How far off: its distance from the straight line through the first two.
+    """
+    if data.poles_at_origin or abs(data.L[0].imag) > math.tan(_CLOSING) * abs(data.L[0].real):
+        return None
+    last = data.omega.size - 1
+    second = min(int(np.searchsorted(data.omega, 2.0 * data.omega[0])), last - 1)
+    third = min(max(int(np.searchsorted(data.omega, 4.0 * data.omega[0])), second + 1), last)
+    at = [0, second, third]
+    x, L = data.omega[at] ** 2, data.L[at].real
+    line = (x[1:] * L[:2] - x[:2] * L[1:]) / (x[1:] - x[:2])
+    curve = line[0] - (line[1] - line[0]) * x[0] / (x[2] - x[0])
+    error = abs(curve - line[0]) + (float(data.error[0]) if data.error is not None else 0.0)
+    return float(curve), float(error)
+
+
+def _with_ends(
+    found: _Lowest, f: Callable[[ComplexArray], FloatArray], rest: tuple[float, float] | None
+) -> _Lowest:
+    """What is lowest, with omega = 0 counted in."""
+    omega, L, error = found
+    if rest is not None and f(np.array([rest[0]], dtype=complex))[0] < f(L)[0]:
+        return np.zeros(1), np.array([rest[0]], dtype=complex), np.array([rest[1]])
+    return omega, L, error
 
 
 class _Curve:

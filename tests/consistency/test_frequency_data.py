@@ -78,3 +78,19 @@ def test_reasons_why_nothing_is_told() -> None:
     encircling = StateSpaceModel(np.array([[1.0]]), np.ones(1), np.array([5.0]), 0.0).response(omega)  # 5 / (s - 1)
     assert data_margins(FrequencyData(omega, encircling, 1))[1].stable is True
     assert "do not allow" in data_margins(FrequencyData(omega, encircling, 0))[1].reason
+
+
+def test_the_ends_of_the_data_count() -> None:
+    """L = -0.6/(s + 1) is nearest to -1 at rest, 0.6/(s + 1) at infinity, where no data are."""
+    omega = np.geomspace(0.05, 50.0, 120)
+    m, _ = data_margins(FrequencyData(omega, -0.6 / (1j * omega + 1.0), 0))
+    assert m.stable
+    assert m.gain_margin_hz == m.modulus_margin_hz == 0.0
+    error = m.interpolation_error
+    assert error is not None
+    assert abs(m.gain_margin_db + 20.0 * math.log10(0.6)) <= error["gain_margin_db"] < 1e-3
+    assert abs(m.modulus_margin - 0.4) <= error["modulus_margin"] < 1e-4
+    # L = 0.6/(s + 1) comes nearest at infinity, beyond the data: the error says by how much.
+    m, _ = data_margins(FrequencyData(omega, 0.6 / (1j * omega + 1.0), 0))
+    assert m.interpolation_error is not None
+    assert 0.0 < m.modulus_margin - 1.0 <= m.interpolation_error["modulus_margin"] < 0.05
