@@ -154,9 +154,7 @@ def _at_rest(data: FrequencyData) -> tuple[float, float] | None:
     return float(curve), float(error)
 
 
-def _with_ends(
-    found: _Lowest, f: Callable[[ComplexArray], FloatArray], rest: tuple[float, float] | None
-) -> _Lowest:
+def _with_ends(found: _Lowest, f: Callable[[ComplexArray], FloatArray], rest: tuple[float, float] | None) -> _Lowest:
     """What is lowest, with omega = 0 counted in."""
     omega, L, error = found
     if rest is not None and f(np.array([rest[0]], dtype=complex))[0] < f(L)[0]:
