@@ -108,7 +108,7 @@ def why_unstable(helicopter: RotorcraftModel) -> str | None:
     return _growing(helicopter.state_space.poles)
 
 
-def check_rotorcraft(study: Study, so: str) -> None:
+def refuse_unstable_rotorcraft(study: Study, so: str) -> None:
     """Refuse an unstable rotorcraft before any pilot is solved, saying `so`, what that makes impossible; StudyError.
 
     Pilots who are unstable by themselves: `check_open_loop`.

@@ -82,14 +82,14 @@ def opened(
 
     pin_threads()
     from pilotgen.closed_loop.deck import check_study, close_in_deck
-    from pilotgen.closed_loop.poles import check_open_loop, check_rotorcraft
+    from pilotgen.closed_loop.poles import check_open_loop, refuse_unstable_rotorcraft
     from pilotgen.context import EvaluationContext
     from pilotgen.output import claimed
 
     study, values = settings.read_pilot(args)
     check_study(study)
     if unstable is not None:
-        check_rotorcraft(study, unstable)
+        refuse_unstable_rotorcraft(study, unstable)
     with (
         EvaluationContext(study, mbdae=args.mbdae) as context,
         claimed(args.output, kind, (*WRITES, *writes), overwrite=args.overwrite) as directory,

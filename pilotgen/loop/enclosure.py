@@ -99,7 +99,7 @@ def _balance(A: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(scale, dtype=float)
 
 
-def largest_real_part(A: Extended) -> tuple[float, float] | None:
+def enclosed_real_part(A: Extended) -> tuple[float, float] | None:
     """An interval [rad/s] that holds the largest real part of the eigenvalues of A, shape (n, n); None: not found."""
     found = None
     for rounds in _ROUNDS:

@@ -22,8 +22,7 @@ from pilotgen.linear.exact import Rational, quotient, rational
 from pilotgen.linear.partial_fractions import PartialFractions, poles_and_residues
 from pilotgen.linear.statespace import StateSpaceModel
 from pilotgen.loop.crossings import LocusFeatures, constant_features, locus_features
-from pilotgen.loop.enclosure import Extended
-from pilotgen.loop.enclosure import largest_real_part as enclosed_real_part
+from pilotgen.loop.enclosure import Extended, enclosed_real_part
 from pilotgen.loop.frequency_data import FrequencyAnswer, FrequencyData, from_data
 from pilotgen.loop.loop import LoopModel
 from pilotgen.loop.verified import affordable, verified

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from pilotgen.errors import PilotgenError, StudyError
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.statespace import ComplexArray, FloatArray, StateSpaceModel
-from pilotgen.loop.enclosure import largest_real_part
+from pilotgen.loop.enclosure import enclosed_real_part
 from pilotgen.loop.margins import Margins, margins
 from pilotgen.loop.plants import MatrixPlant
 from pilotgen.loop.units import CONTROLS
@@ -63,7 +63,7 @@ class MatrixLoop:
         eye = np.eye(len(self.D))
         inner = np.linalg.solve(eye + self.D, self.C).astype(np.longdouble)
         inner = inner + np.linalg.solve(eye + self.D, (self.C - (eye + self.D) @ inner).astype(float))  # one refinement
-        found = largest_real_part(self.A.astype(np.longdouble) - self.B.astype(np.longdouble) @ inner)
+        found = enclosed_real_part(self.A.astype(np.longdouble) - self.B.astype(np.longdouble) @ inner)
         if found is None or found[0] <= 0.0 <= found[1]:
             return None
         return found[1] < 0.0

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotgen.closed_loop.poles import check_rotorcraft
+from pilotgen.closed_loop.poles import refuse_unstable_rotorcraft
 from pilotgen.cures.catalogue import Cure, changes, cures_for, price, proposable
 from pilotgen.cures.friction import SWING_MM
 from pilotgen.cures.optimum import Optimum, cheapest
@@ -109,7 +109,7 @@ def cures_study(
     cures = cures_for(study, only, without)
     pairs = map_pairs(study, maps)
     swing_mm = _swing_mm(study, swing_mm, any(cure.key == FRICTION for cure in itertools.chain(cures, *pairs)))
-    check_rotorcraft(study, NO_CURE)
+    refuse_unstable_rotorcraft(study, NO_CURE)
     drawn_people = _people(study, people)
     progress = Progress()
     with open_batch(study, directory, KIND, options, BREED_POPULATION, on_progress, progress, say) as batch:

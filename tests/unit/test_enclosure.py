@@ -11,7 +11,7 @@ import pytest
 from pilotgen.linear.imposed_motion import SEAT_MOTIONS
 from pilotgen.linear.pilot_model import PilotModel
 from pilotgen.linear.statespace import StateSpaceModel
-from pilotgen.loop.enclosure import eigenvalue_disks, largest_real_part
+from pilotgen.loop.enclosure import eigenvalue_disks, enclosed_real_part
 from pilotgen.loop.margins import margins
 from pilotgen.loop.mimo import close
 from pilotgen.loop.plants import load_plant
@@ -53,7 +53,7 @@ def test_disks_hold_the_eigenvalues(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_verdict_beside_modes_that_are_a_million_times_faster(seed: int, top: int) -> None:
     A, values = known(seed, top)
-    found = largest_real_part(A)
+    found = enclosed_real_part(A)
     assert found is not None
     assert found[0] <= values.real.max() <= found[1]
     assert found[1] < 0.0 if top < 0 else found[0] > 0.0
@@ -61,7 +61,7 @@ def test_the_verdict_beside_modes_that_are_a_million_times_faster(seed: int, top
 
 def test_a_defective_matrix_is_not_decided_wrongly() -> None:
     A = np.eye(45, k=1) - 1e-3 * np.eye(45)
-    found = largest_real_part(A)
+    found = enclosed_real_part(A)
     assert found is None or found[0] <= -1e-3 <= found[1]
 
 
