@@ -23,6 +23,7 @@ from pilotgen.hdf5 import open_to_read
 from pilotgen.solver.descriptor import Floats
 from pilotgen.solver.matrices import Matrices, given_tables
 
+_MOST_UNKNOWNS = 5000  # as many as mbdae has
 _DYNAMIC, _STATIC = 12, 6  # unknowns of a dynamic and of a static structural node
 _NODE_UNKNOWNS = ("x", "y", "z", "gx", "gy", "gz", "bx", "by", "bz", "hx", "hy", "hz")
 _NODE_KINDS = ("position",) * 3 + ("rotation",) * 3 + ("momentum",) * 3 + ("momenta_moment",) * 3
@@ -116,7 +117,13 @@ def to_textbook(raw: RawEigenanalysis, layout: Matrices | None = None) -> Matric
             raise MatrixError(f"{raw.path}: {name} has shape {A.shape}; expected a square matrix like Aplus")
         if not np.isfinite(A).all():
             raise MatrixError(f"{raw.path}: {name} has entries that are not finite numbers")
-    if not raw.c > 0.0:
+    if len(raw.labels) != len(raw.first):
+        raise MatrixError(f"{raw.path}: {len(raw.labels)} labels beside {len(raw.first)} entries of idx")
+    if len(raw.joint_labels) != len(raw.joint_first):
+        raise MatrixError(
+            f"{raw.path}: {len(raw.joint_labels)} labels of joints beside {len(raw.joint_first)} entries of their idx"
+        )
+    if not (raw.c > 0.0 and np.isfinite(raw.c)):
         raise MatrixError(f"{raw.path}: dCoef is {raw.c:g} s; expected a positive coefficient")
     names, kinds = _name_unknowns(raw) if layout is None else _names_of_layout(raw, layout)
 
@@ -313,14 +320,15 @@ def read_m(path: str) -> RawEigenanalysis:
     except (UnicodeDecodeError, OSError) as error:
         raise FileError(f"{path}: cannot be read as text ({error})") from error
     text = re.sub(r"%[^\n]*", "", text)  # comments
-    first = _m_numbers(path, text, "idx").reshape(-1).astype(np.int64)
-    labels = _m_numbers(path, text, "labels").reshape(-1).astype(np.int64)
+    first = _whole(path, "an entry of idx", _m_numbers(path, text, "idx").reshape(-1), 0, _MOST_UNKNOWNS)
+    labels = _whole(path, "a label", _m_numbers(path, text, "labels").reshape(-1), 0, 2**31 - 1)
     plus, minus = _m_numbers(path, text, "Aplus"), _m_numbers(path, text, "Aminus")
     sparse = [re.search(rf"\b{name}\s*=\s*spconvert", text) is not None for name in ("Aplus", "Aminus")]
     if any(sparse):
         if not all(sparse) or plus.shape[1] != 3 or minus.shape[1] != 3:
             raise MatrixError(f"{path}: Aplus and Aminus must both be lists of (row, column, value) for spconvert")
-        size = int(max(plus[:, :2].max(initial=0), minus[:, :2].max(initial=0)))
+        indices = np.concatenate((plus[:, :2].reshape(-1), minus[:, :2].reshape(-1)))
+        size = int(_whole(path, "an index of a sparse matrix", indices, 1, _MOST_UNKNOWNS).max(initial=0))
         plus, minus = _from_triplets(path, plus, size), _from_triplets(path, minus, size)
     return RawEigenanalysis(
         path=path,
@@ -331,6 +339,14 @@ def read_m(path: str) -> RawEigenanalysis:
         labels=labels,
         first=first,
     )
+
+
+def _whole(path: str, what: str, values: Floats, least: int, most: int) -> NDArray[np.int64]:
+    """The values as whole numbers within these limits; MatrixError if they are not."""
+    wrong = ~((values >= least) & (values <= most) & (values == np.floor(values)))
+    if wrong.any():
+        raise MatrixError(f"{path}: {what} is {values[wrong][0]:g}, a whole number from {least} to {most} is wanted")
+    return values.astype(np.int64)
 
 
 def _m_scalar(path: str, text: str, name: str) -> float:
@@ -364,7 +380,7 @@ def _from_triplets(path: str, triplets: Floats, size: int) -> Floats:
     """Return the dense matrix of (row, column, value) triplets counted from 1."""
     if triplets.ndim != 2 or triplets.shape[1] != 3:
         raise MatrixError(f"{path}: a sparse matrix must be a list of (row, column, value)")
-    rows, columns = triplets[:, 0].astype(np.intp) - 1, triplets[:, 1].astype(np.intp) - 1
+    rows, columns = (_whole(path, "an index of a sparse matrix", triplets[:, k], 0, _MOST_UNKNOWNS) - 1 for k in (0, 1))
     if len(rows) and (min(rows.min(), columns.min()) < 0 or max(rows.max(), columns.max()) >= size):
         raise MatrixError(f"{path}: a sparse matrix has an index outside 1 to {size}")
     dense = np.zeros((size, size))

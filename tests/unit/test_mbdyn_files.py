@@ -17,6 +17,10 @@ from pilotgen.errors import FileError, MatrixError
 from pilotgen.solver.matrices import Matrices, descriptor
 from pilotgen.solver.mbdyn_files import RawEigenanalysis, read_m, read_mbdyn, read_netcdf, to_textbook
 
+SPARSE = (
+    b"dCoef = 1.; dTime = 0.; Aplus = [1 %s 1.\n]; Aplus = spconvert(Aplus); Aminus = [1 1 1.\n]; "
+    b"Aminus = spconvert(Aminus); labels = int32([1;\n]); idx = int32([%s;\n]);"
+)
 NETCDF_CASES = ["c03a_revhinge_rod_rest", "c08a_muscle_pennestri"]
 
 
@@ -157,6 +161,11 @@ def test_refused_files(tmp_path: Path) -> None:
         ("d.nc", (CASES / f"{NETCDF_CASES[0]}.nc").read_bytes()[:900], "not a whole NetCDF file"),
         ("e.m", b"dCoef = 1.;", "idx is missing"),
         ("f.m", b"idx = int32([0;\n]); labels = int32([1;\n]); Aplus = [1 2 ;\n3 ;\n];", "same number of entries"),
+        ("f1.m", SPARSE % (b"1.5", b"0"), "index of a sparse matrix is 1.5, a whole number from 1 to 5000 is wanted"),
+        ("f2.m", SPARSE % (b"1e12", b"0"), "index of a sparse matrix is 1e"),
+        ("f3.m", SPARSE % (b"nan", b"0"), "index of a sparse matrix is nan"),
+        ("f4.m", SPARSE % (b"1", b"0.5"), "an entry of idx is 0.5"),
+        ("f5.m", SPARSE % (b"1", b"0;\n4"), "1 labels beside 2 entries of idx"),
         ("g.m", b"idx = int32([0;\n]); labels = int32([1;\n]); Aplus = [1 x ;\n];", "not a number"),
     ):
         path = tmp_path / name
