@@ -43,6 +43,8 @@ _JOINT_COLUMNS: Mapping[str, tuple[int, ...]] = {
     "cardano pin": (6, 7, 8, 3),
     "in line": (0, 1),
 }
+_NOTHING = 1e-15  # a difference that is round-off of zero, whatever its unit
+_WIDTHS = {"mov": (12, 18, 24), "ine": (12,)}  # pose, velocities; accelerations; the orientation as a matrix
 _TOTAL = ("total joint", "total pin joint")  # the active components of columns 0 to 5
 
 
@@ -156,6 +158,9 @@ def compare_motion(
     found: list[tuple[str, str, Floats, Floats]] = []  # name, kind, ours, theirs
     left_out: list[str] = []
     for (kind, label), table in tables.items():
+        if not np.isfinite(table).all():
+            row = int(np.argwhere(~np.isfinite(table))[0][0]) + 1
+            raise MatrixError(f"{path}: label {label} has a value that is not a finite number at instant {row}")
         of = {name: data[chosen] for name, data in channels.items()}
         if kind == "mov":
             _nodes(names, label, table, of, found, left_out)
@@ -177,7 +182,7 @@ def compare_motion(
         largest = float(size[worst])
         differences.append(
             ChannelDifference(
-                name, kind, largest, float(time[chosen][worst]), largest / scale[kind] if largest else 0.0
+                name, kind, largest, float(time[chosen][worst]), largest / scale[kind] if largest > _NOTHING else 0.0
             )
         )
     differences.sort(key=lambda d: -d.relative)
@@ -347,6 +352,8 @@ def _read_text(path: str) -> tuple[_Tables, int, Floats | None]:
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: cannot be read as text ({error})") from error
     kind = Path(path).suffix[1:]
+    if not rows:
+        raise MatrixError(f"{path}: no row in it; MBDyn's output is wanted")
     lengths = {len(table) for table in rows.values()}
     if len(lengths) != 1:
         raise MatrixError(f"{path}: its labels do not all have the same number of rows: {sorted(lengths)}")
@@ -354,6 +361,11 @@ def _read_text(path: str) -> tuple[_Tables, int, Floats | None]:
     for label, table in rows.items():
         if len({len(row) for row in table}) > 1:
             raise MatrixError(f"{path}: the rows of label {label} do not all have the same number of columns")
+        if len(table[0]) not in _WIDTHS.get(kind, (len(table[0]),)):
+            raise MatrixError(
+                f"{path}: label {label} has {len(table[0])} columns beside it, "
+                f"{' or '.join(map(str, _WIDTHS[kind]))} are wanted"
+            )
         tables[kind, label] = np.array(table)
     return tables, lengths.pop(), None
 

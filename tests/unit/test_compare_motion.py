@@ -107,7 +107,9 @@ def test_angles_of_the_default_orientation() -> None:
     [
         ("x.mov", "1 0. 0.\n1 zero 0.\n", MatrixError, "x.mov:2: is not a label with numbers"),
         ("x.mov", "1 0. 0.\n2 0. 0.\n1 0. 0.\n", MatrixError, "same number of rows"),
-        ("x.mov", "1 0. 0.\n" * 7, MatrixError, "has 7 instants and our history 2001"),
+        ("x.mov", "", MatrixError, "no row in it"),
+        ("x.mov", "1 0. 0.\n", MatrixError, "label 1 has 2 columns beside it, 12 or 18 or 24 are wanted"),
+        ("x.mov", ("1 " + "0. " * 12 + "\n") * 7, MatrixError, "has 7 instants and our history 2001"),
         ("x.txt", "", FileError, "expected a history of MBDyn, one of .mov"),
         ("x.nc", "CDF", MatrixError, "is not a NetCDF file"),
         ("x.mov", "77 " + "0. " * 12 + "\n" + "77 " + "0. " * 12 + "\n", MatrixError, "node 77: not in our history"),
@@ -120,3 +122,15 @@ def test_what_is_no_history_is_refused(
     path.write_text(text)
     with SolverClient() as client, pytest.raises(error, match=words.replace(".", r"\.")):
         compare_motion(run / "deck.mbd", run / "ours.motion.h5", path, client)
+
+
+def test_a_node_at_rest_and_a_number_that_is_none(run: Path, tmp_path: Path) -> None:
+    rows = (run / "theirs.mov").read_text().splitlines()
+    alone = tmp_path / "alone.mov"
+    alone.write_text("\n".join(row for row in rows if row.startswith("1 ")))  # it does not turn: 1e-24 beside zero
+    with SolverClient() as client:
+        assert compare_motion(run / "deck.mbd", run / "ours.motion.h5", alone, client).agree
+        rows[40] = " ".join([*rows[40].split()[:3], "nan", *rows[40].split()[4:]])
+        alone.write_text("\n".join(rows))
+        with pytest.raises(MatrixError, match="has a value that is not a finite number at instant"):
+            compare_motion(run / "deck.mbd", run / "ours.motion.h5", alone, client)
