@@ -30,7 +30,8 @@ PIN = (
 )
 TOTAL = (
     "joint: 1, total joint, 1, position, 0.3, 0.1, 0.2, position orientation, eye, "
-    "rotation orientation, euler, 0.1, 0.2, -0.3, 2, position, null, position orientation, eye, rotation orientation, eye, "
+    "rotation orientation, euler, 0.1, 0.2, -0.3, 2, position, null, position orientation, eye, "
+    "rotation orientation, eye, "
     "position constraint, 1, 1, 1, null, orientation constraint, 1, 1, 0, null;"
 )
 ROD = "joint: 1, rod, 1, 2, 0.4, linear elastic, 100.;"
