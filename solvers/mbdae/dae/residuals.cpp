@@ -15,7 +15,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int kMostInstants = 16384;  // of a period: a table of sines and the samples stay below 1 GB
+constexpr int kMostInstants = 8192;  // of a period: a table of sines and the samples stay below 1 GB
 
 void refuse_memory(Model& model) {
   for (const ConstraintEntry& entry : model.constraints()) {
