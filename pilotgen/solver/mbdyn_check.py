@@ -45,8 +45,8 @@ class PhaseCards:
         `derivatives coefficient`; c_d is its product with the time step.
     tolerance : float
         `derivatives tolerance` of the residual's 2-norm.
-    iterations : int
-        `derivatives max iterations`.
+    iterations : int or None
+        `derivatives max iterations`; None if the deck does not say.
     assembled : bool
         Whether there is an initial assembly (no `skip initial joint assembly`).
     assembly_tolerance : float
@@ -56,7 +56,7 @@ class PhaseCards:
     time_step_s: float
     coefficient: float
     tolerance: float
-    iterations: int
+    iterations: int | None
     assembled: bool
     assembly_tolerance: float
 
@@ -146,6 +146,10 @@ def predict(deck: str, cards: PhaseCards, matrices: Matrices) -> Prediction:
             f"pass after {len(residuals) - 1} iterations, residual {residuals[-1]:.1e}, {cards.tolerance:g} is allowed"
         )
         return Prediction(deck, assembly, False, told, False, residuals)
+    if cards.iterations is None:
+        raise FileError(
+            f"{deck}: no card 'derivatives max iterations' in it; what MBDyn does cannot be told without it"
+        )
     told = (
         f"fail: the residual stays at {residuals[-1]:.1e}, {cards.tolerance:g} is allowed, with c_d = {c_d:g} s and "
         f"constraints open by {worst:.1e}; close them to round-off, or allow more"
@@ -180,7 +184,7 @@ def derivatives_residuals(matrices: Matrices, cards: PhaseCards) -> tuple[float,
     moving[holonomic] = np.where(kinds == b"modal_displacement", g_y[holonomic] / c_d, 0.0)
     rates, values = np.zeros(len(start)), np.zeros(len(start))
     norms: list[float] = []
-    for _ in range(cards.iterations + 1):
+    for _ in range((cards.iterations or 0) + 1):
         r = start + g_ydot @ rates + moving @ values
         r[holonomic] = start[holonomic] + moving[holonomic] @ values
         norms.append(float(np.sqrt(r @ r)))
@@ -223,7 +227,8 @@ def read_cards(path: str | os.PathLike[str]) -> PhaseCards:
         raise FileError(f"{os.fspath(path)}: cannot be read: {error.strerror}") from None
     text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL)
     text = re.sub(r"#[^\n]*", "", text)
-    problem = _cards(_block(path, text, "initial value"))
+    old = re.search(r"begin\s*:\s*multistep\s*;", text, re.IGNORECASE) is not None
+    problem = _cards(_block(path, text, "multistep" if old else "initial value"))
     control = _cards(_block(path, text, "control data"))
 
     def number(name: str, cards: dict[str, str], default: float | None = None) -> float:
@@ -240,7 +245,9 @@ def read_cards(path: str | os.PathLike[str]) -> PhaseCards:
         time_step_s=number("time step", problem),
         coefficient=number("derivatives coefficient", problem, DERIVATIVES_COEFFICIENT),
         tolerance=number("derivatives tolerance", problem),
-        iterations=int(number("derivatives max iterations", problem)),
+        iterations=int(number("derivatives max iterations", problem))
+        if "derivatives max iterations" in problem
+        else None,
         assembled="skip initial joint assembly" not in control,
         assembly_tolerance=number("tolerance", control, ASSEMBLY_TOLERANCE),
     )

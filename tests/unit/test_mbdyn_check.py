@@ -60,6 +60,20 @@ def test_no_deck_of_random_pilots_fails(tmp_path: Path, sex: str, limbs: str, co
                 assert prediction.runs, prediction
 
 
+def test_what_needs_no_iteration_needs_no_card(tmp_path: Path) -> None:
+    text = (DATA / "pilot_derivatives.mbd").read_text().replace("initial value;", "multistep;")
+    deck = tmp_path / "pilot.mbd"
+    deck.write_text(
+        text.replace("problem: multistep", "integrator: multistep")
+        .replace("derivatives max iterations: 50;", "")
+        .replace("derivatives tolerance: 1.e-9;", "derivatives tolerance: 1.e9;")
+    )
+    with SolverClient() as client:
+        prediction = check_mbdyn(deck, client)
+    assert prediction.runs
+    assert "pass after 0 iterations" in prediction.derivatives
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

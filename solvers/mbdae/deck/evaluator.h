@@ -172,7 +172,7 @@ class Evaluator {
 
   std::int64_t integer(const ExpressionNode& node, const V& v) const {
     if (v.type == Type::real || v.type == Type::string) {
-      fail(node, std::string("found a ") + type_name(v.type) + ", expected an integer");
+      fail(node, found_type(v.type) + ", expected an integer");
     }
     return v.integer;
   }
@@ -305,7 +305,7 @@ class Evaluator {
       case Type::boolean:
         return V::from_bool(truth(node, v));
       case Type::string:
-        if (!cast) fail(node, std::string("found a ") + type_name(v.type) + ", expected a string");
+        if (!cast) fail(node, found_type(v.type) + ", expected a string");
         return V::from_text(as_text(v));
       default: {
         const double x = value_of(real(node, v));

@@ -45,6 +45,10 @@ constexpr std::array<RealConstant, 18> kReals = {{
 
 }  // namespace
 
+std::string found_type(Type type) {
+  return std::string(type == Type::integer ? "found an " : "found a ") + type_name(type);
+}
+
 const char* type_name(Type type) {
   switch (type) {
     case Type::boolean:

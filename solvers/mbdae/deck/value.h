@@ -16,6 +16,8 @@ namespace mbdae::reading {
 enum class Type : std::uint8_t { boolean, integer, real, string };
 
 const char* type_name(Type type);
+/// `found a real`, `found an integer`
+std::string found_type(Type type);
 
 /// A value of the language; Real is double while a deck is read, Jet in run-time expressions.
 /// Booleans and integers live in `integer` (32-bit range), so that 1/3 is an integer division.
