@@ -12,6 +12,7 @@ import atexit
 import errno
 import gc
 import importlib
+import mmap
 import os
 import signal
 import sys
@@ -54,6 +55,9 @@ COMMANDS = (
     "completion",
 )
 
+# Bytes wanted besides what a bare Python has: with 300 MB of address space in all some commands hang, with 400 none.
+ADDRESS_SPACE = 340_000_000
+_MAP_NORESERVE = getattr(mmap, "MAP_NORESERVE", 0x4000)
 # New objects between two looks for garbage; Python's own 700 means hundreds of looks while modules are imported.
 COLLECTOR_THRESHOLD = 10_000
 
@@ -155,6 +159,7 @@ def _run(arguments: Sequence[str] | None, out: SafeStream) -> int:
         args = parser.parse_args(arguments)
         args.parser = parser
         out.silent = args.quiet and not args.json and not getattr(args, "long_run", False)
+        _look_for_memory()
         return int(args.run(args))
     except EvaluationError as error:
         print(f"pilotgen: failed: {error}", file=sys.stderr)
@@ -184,6 +189,14 @@ def _run(arguments: Sequence[str] | None, out: SafeStream) -> int:
             file=sys.stderr,
         )
         return EXIT_INTERNAL
+
+
+def _look_for_memory() -> None:
+    """Raise MemoryError before numpy is imported if there is no room for it: OpenBLAS tries for ever to get its own."""
+    try:
+        mmap.mmap(-1, ADDRESS_SPACE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_NORESERVE).close()
+    except OSError:
+        raise MemoryError from None
 
 
 def _tell_interruption(interruption: KeyboardInterrupt) -> int:

@@ -139,6 +139,11 @@ def examine(directory: Path, kind: str, writes: Sequence[str], resume: bool = Fa
         if not directory.is_dir():
             raise FileError(f"{directory} is a file; the output needs a directory")
         _Contents(directory, False).check(kind, writes, resume)
+        return
+    above = next(place for place in directory.parents if os.path.lexists(place))
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        why = "Permission denied" if above.is_dir() else "Not a directory"
+        raise FileError(f"{directory}: cannot be made ({why}); choose a directory you can write to")
 
 
 def is_study(directory: Path) -> bool:

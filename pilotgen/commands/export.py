@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from typing import Any
 
 from pilotgen.commands import common
@@ -56,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from pilotgen.files import write_bytes, write_text
     from pilotgen.linear import export
 
-    if args.output.exists():
+    if os.path.lexists(args.output):  # a link that leads nowhere is somebody's too
         raise FileError(f"{args.output}: exists; choose another file")
     args.format = args.format or common.format_of(args.output, FORMATS) or "json"
     wants_reduction = args.order is not None or args.tolerance is not None

@@ -6,6 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
         raise FileError(f"--json and --format {args.format} exclude each other; leave one out")
     by_name = common.format_of(args.output, FORMATS)
     args.format = "json" if args.json else args.format or by_name or "csv"
-    if args.output is not None and args.output.exists():
+    if args.output is not None and os.path.lexists(args.output):  # a link that leads nowhere is somebody's too
         raise FileError(f"{args.output} exists; choose another file, or move it aside")
     if args.format == "parquet" and args.output is None:
         raise FileError("--format parquet is not text; name a file with -o")

@@ -28,9 +28,31 @@ HEARTBEAT_S = 5.0  # between two beats, at least
 LOG_INTERVAL_S = 10.0  # between two `progress` events that are no milestones
 
 
+def _refuse_foreign(log: Path) -> None:
+    """Raise FileError for a file that is no log of a run: it would be spoilt by what is appended."""
+    if not log.is_file():  # a pipe, a terminal: nothing to spoil
+        return
+    try:
+        with log.open("rb") as file:
+            first = file.readline(MOST_OF_A_LINE)
+    except OSError as error:
+        raise FileError(f"{log}: the log cannot be written ({error.strerror})") from None
+    if not first:
+        return
+    try:
+        ours = "event" in json.loads(first)
+    except (ValueError, TypeError, RecursionError):
+        ours = False
+    if not ours:
+        raise FileError(f"{log} is not the log of a run, and would be spoilt by one; choose another file for --log")
+
+
 def _without_waiting(path: Path) -> int:
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
     return os.open(path, flags | os.O_NONBLOCK, 0o666)  # a pipe that nobody reads is an error, not a wait
+
+
+MOST_OF_A_LINE = 1_000_000  # bytes of a log's first line
 
 
 class Monitor:
@@ -62,6 +84,8 @@ class Monitor:
         self._last_beat = self._last_event = -float("inf")
         self._failed = 0
         self._path = log
+        if log is not None:
+            _refuse_foreign(log)
         try:
             self._log = None if log is None else os.fdopen(_without_waiting(log), "a", encoding="utf-8")
         except OSError as error:

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <malloc.h>
 
+#include <csignal>
 #include <cstdio>
 #include <exception>
 
@@ -14,6 +15,8 @@ int main(int argc, char** argv) {
   mallopt(M_MMAP_THRESHOLD, 64 << 20);
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   mallopt(M_TOP_PAD, 4 << 20);
+  // A file larger than a limit allows is then a write that fails, which is told, not a death.
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     return mbdae::run_command_line(argc, argv);
   } catch (const std::exception& error) {

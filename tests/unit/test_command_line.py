@@ -9,6 +9,7 @@ import io
 import json
 import os
 import re
+import resource
 import shlex
 import subprocess
 import sys
@@ -51,6 +52,18 @@ def test_an_ascii_terminal_is_no_reason_to_fail() -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.startswith(r"pilotgen: error: caf\xe9.yaml: no such file")
+
+
+def test_a_limit_of_address_space_is_told_at_once(tmp_path: Path) -> None:
+    """From 150 to 300 MB OpenBLAS sometimes never came back: it asks for ever for what it does not get."""
+    for megabytes in (150, 160, 250, 300):
+        limit = (megabytes << 20, megabytes << 20)
+        done = subprocess.run(
+            [sys.executable, "-m", "pilotgen", "pilot", str(tmp_path / "none.yaml"), "-o", str(tmp_path / "o")],
+            capture_output=True, text=True, timeout=60, check=False,
+            preexec_fn=lambda limit=limit: resource.setrlimit(resource.RLIMIT_AS, limit),
+        )  # fmt: skip
+        assert done.returncode == 1 and "error: out of memory" in done.stderr, (megabytes, done.stderr)
 
 
 @pytest.mark.parametrize("buffered", [True, False])

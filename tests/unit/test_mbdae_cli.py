@@ -249,7 +249,7 @@ def test_what_has_no_finite_value_is_told_in_words(
 
 def test_a_full_disk_is_told(mbdae: Path, deck: Path) -> None:
     def no_room() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)  # whatever the shell has: mbdae does not die of it
         resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))
 
     done = run(mbdae, deck, "-o", "out", cwd=deck.parent, preexec_fn=no_room)

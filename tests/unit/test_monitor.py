@@ -72,6 +72,18 @@ def test_status_of_a_study(tmp_path: Path) -> None:
     assert "search interrupted; go on with --resume" in told(read_status(tmp_path))
 
 
+def test_a_file_that_is_no_log_is_not_spoilt(tmp_path: Path) -> None:
+    for text in ("study: quick\n", "[1, 2]\n", "3\n", '{"a": 1}\n', "\0\xff"):
+        (tmp_path / "file").write_text(text)
+        with pytest.raises(FileError, match="is not the log of a run"):
+            Monitor(tmp_path, tmp_path / "file")
+        assert (tmp_path / "file").read_text() == text
+    (tmp_path / "file").write_text('{"time": "2026-01-01", "event": "start"}\n')
+    Monitor(tmp_path, tmp_path / "file").end("done")
+    (tmp_path / "empty").touch()
+    Monitor(tmp_path, tmp_path / "empty").end("done")
+
+
 def test_a_log_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="the log cannot be written"):
         Monitor(tmp_path, tmp_path / "none" / "log.jsonl")

@@ -52,6 +52,20 @@ def test_check_tells_what_would_be_done_and_writes_nothing(run: Run, tmp_path: P
     assert 5e7 < found["memory_bytes"] < 5e8 and 1e7 < found["disk_bytes"] < 1e8
 
 
+def test_check_finds_a_place_that_cannot_be_made(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    refused(run("check", MAYO, "-o", tmp_path / "file" / "x"), r"cannot be made \(Not a directory\)")
+
+
+def test_links_that_lead_nowhere_are_not_replaced(run: Run, tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to("link")
+    (tmp_path / "study.h5").touch()
+    refused(run("table", tmp_path, "-o", link), "exists; choose another file")
+    refused(run("export", tmp_path, "-o", link), "exists; choose another file")
+    assert link.is_symlink()
+
+
 def test_the_memory_foreseen_leaves_out_what_a_session_had_before(run: Run) -> None:
     def foreseen() -> int:
         return int(json.loads(run("check", QUICK, "--workers", "1", "--json")[1])["memory_bytes"])
