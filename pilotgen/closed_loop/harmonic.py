@@ -346,6 +346,11 @@ class HarmonicBalance:
         Y = np.zeros((len(shape), self.K + 1), dtype=complex)
         Y[:, 1] = shape * amplitude_m
         swing = self.swing(Y, pole, 0)
+        if self.friction is None:  # close enough, most of the time
+            try:
+                return self.solve(swing, amplitude_m, ROUGH, near=False)
+            except EvaluationError:
+                pass
         try:
             for self._share in (0.1, 0.3, 0.6, 1.0):
                 swing = self.solve(swing, amplitude_m, ROUGH)
