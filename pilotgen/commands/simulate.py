@@ -12,6 +12,7 @@ from typing import Any
 from pilotgen.commands import closed_loop, common
 from pilotgen.files import to_json, write_text
 
+SHORTEST_S = 0.2  # kicks begin at 0.1 s
 LONGEST_S = 1000.0  # of a motion: a million rows of 1 ms
 WRITES = ("simulation.json", "history.png", "onset.png")
 NO_CHANCE = (
@@ -95,6 +96,10 @@ def run(args: argparse.Namespace) -> int:
     size = args.size if args.size is not None else KICKS[args.kick][1]
     if args.kick == "turbulence" and args.pulse is not None:
         raise StudyError("--pulse is of kicks; turbulence has none, leave it out")
+    if args.duration < SHORTEST_S:
+        raise StudyError(
+            f"--duration {args.duration:g}: at least {SHORTEST_S:g} s are wanted, for a kick to be in them"
+        )
     if args.duration > LONGEST_S:
         raise StudyError(f"--duration {args.duration:g}: at most {LONGEST_S:g} s, which is a million steps of 1 ms")
     if args.seed is not None and args.kick != "turbulence" and args.kicks is None:

@@ -168,8 +168,11 @@ def close(pilot: PilotModel, plant: MatrixPlant, grip_gearing: Mapping[str, floa
         raise StudyError(f"the plant moves the seat in {', '.join(missing)}, which the pilot's model does not have")
     controls = list(grip_gearing)
     for control in controls:
-        if control not in plant.controls or CONTROLS[control][0] not in pilot.outputs:
-            raise StudyError(f"control {control!r} is not among those of the plant and of the pilot's arms")
+        if control not in plant.controls:
+            raise StudyError(f"control {control!r} is not one of the plant; it has {', '.join(plant.controls)}")
+        if CONTROLS[control][0] not in pilot.outputs:
+            held = ", ".join(name for name, (output, *_) in CONTROLS.items() if output in pilot.outputs)
+            raise StudyError(f"control {control!r} is held by no arm of this pilot, who holds {held}; see pilot.limbs")
     A_k, B_k, C_k, D_k = pilot.state_space([pilot.outputs.index(CONTROLS[control][0]) for control in controls])
     columns = [known.index(motion) for motion in motions]
     gears = np.array([grip_gearing[control] for control in controls])[:, None]

@@ -193,6 +193,7 @@ def test_through_stops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         (["--through-stops", "--kick", "pull", "--size", "0.01"], "the kind pull is never refused for that"),
         (["--seed", "3"], "--seed would do nothing: a single kick has nothing random"),
         (["--duration", "1e9"], "--duration 1e+09: at most 1000 s"),
+        (["--duration", "1e-9"], "--duration 1e-09: at least 0.2 s are wanted"),
         (["--size", "0"], "--size 0: a kick above or below zero is wanted"),
         (["--size", "-20", "--kicks", "2"], "a root mean square above zero is wanted"),
         (["--kick", "turbulence", "--size", "-1"], "a root mean square above zero is wanted"),
