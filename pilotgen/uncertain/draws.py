@@ -49,7 +49,7 @@ class Draws:
         if not self.variables:
             raise StudyError(
                 f"{study.path or 'the study'}: has no section uncertain; add one, e.g. uncertain: {{sets: [reflex, "
-                "strength]}} (docs/io_formats/uncertain.md)"
+                "strength]} (docs/io_formats/uncertain.md)"
             )
         self.study, self.count = study, count
         places = {locate(name): name for name in self.variables}

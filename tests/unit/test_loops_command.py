@@ -63,7 +63,10 @@ def test_roll(pilot: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--plant", "lynx-hover", "--gearing", "pedals=1"], "pedals are not modelled"),
         (["--plant", "lynx-hover", "--gearing", "lateral=x"], "one number for each control"),
         (["--plant", "lynx-hover", "--gearing", "lateral=1", "--seat", "1,2"], "--seat 1,2: three numbers"),
-        (["--plant", "roll:bo105", "--gearing", "collective=1"], "control 'collective' is not one of the plant; it has lateral"),
+        (
+            ["--plant", "roll:bo105", "--gearing", "collective=1"],
+            "'collective' is not one of the plant; it has lateral",
+        ),
     ],
 )
 def test_refusals(pilot: Path, capsys: pytest.CaptureFixture[str], more: list[str], message: str) -> None:

@@ -304,7 +304,7 @@ def test_what_pilot_and_plant_do_not_share_is_refused() -> None:
     plant = load_plant("lynx-hover")
     with pytest.raises(StudyError, match="the plant moves the seat in surge, sway, roll, pitch, yaw, which the pilot"):
         close(mayo_pilot(3.4, 0.3, 0.1, 0.32), plant, {"collective": 0.35})
-    with pytest.raises(StudyError, match="control 'lateral' is not among"):
+    with pytest.raises(StudyError, match="control 'lateral' is held by no arm of this pilot"):
         close(pilot_of(ALL, OUTPUTS[:2], 1), plant, {"lateral": 0.35})
     with pytest.raises(FileError, match="plant 'lynks-hover' is not known; did you mean 'lynx-hover'"):
         load_plant("lynks-hover")
