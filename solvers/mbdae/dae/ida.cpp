@@ -148,12 +148,14 @@ class Ida {
  private:
   void set_up() {
     const int modes = static_cast<int>(equations_.with_modes().size());
+    std::vector<int> falling(equations_.with_modes().size(), -1);
     if (IDASVtolerances(ida_.get(), options_.rtol, tolerance_.get()) != IDA_SUCCESS ||
         IDASetUserData(ida_.get(), &equations_) != IDA_SUCCESS ||
         IDASetSuppressAlg(ida_.get(), SUNTRUE) != IDA_SUCCESS ||
         IDASetLinearSolver(ida_.get(), solver_.get(), matrix_.get()) != IDA_SUCCESS ||
         IDASetJacFn(ida_.get(), IdaEquations::jacobian) != IDA_SUCCESS ||
-        (modes > 0 && IDARootInit(ida_.get(), modes, IdaEquations::mode_margins) != IDA_SUCCESS)) {
+        (modes > 0 && (IDARootInit(ida_.get(), modes, IdaEquations::mode_margins) != IDA_SUCCESS ||
+                       IDASetRootDirection(ida_.get(), falling.data()) != IDA_SUCCESS))) {
       throw std::bad_alloc();
     }
     IDASetErrHandlerFn(ida_.get(), ignore_message, nullptr);

@@ -25,6 +25,7 @@ constexpr double kMultiplierTolerance = 0.1;
 constexpr double kSmallerPart = 0.3;  // of what the constraints left out had in the dependencies: choose again below it
 constexpr int kMostPasses = 10;       // of putting an instant back on the constraints
 constexpr int kMostSwitches = 8;      // of modes at one instant
+constexpr double kStill = 1e-9;       // speed to which that of something at rest is known [m/s]
 
 // Relative size of a constraint's independent part below which it is redundant. Where a closed chain cannot quite
 // close, what would be redundant is nearly so.
@@ -88,7 +89,7 @@ Correction IdaEquations::settle(double t) {
 Eigen::VectorXd IdaEquations::accelerations() {
   try {
     Eigen::VectorXd out = solve_accelerations(model_, state_);
-    for (int i = 0; i < kMostSwitches && !with_modes_.empty() && model_.switch_modes(state_); ++i) {
+    for (int i = 0; i < kMostSwitches && !with_modes_.empty() && model_.switch_modes(state_, kStill); ++i) {
       out = solve_accelerations(model_, state_);
     }
     return out;
@@ -99,7 +100,7 @@ Eigen::VectorXd IdaEquations::accelerations() {
 
 void IdaEquations::end_modes(const std::vector<int>& roots) {
   for (std::size_t k = 0; k < roots.size(); ++k) {
-    if (roots[k] != 0) with_modes_[k]->end_mode(state_);
+    if (roots[k] != 0) with_modes_[k]->end_mode(state_, kStill);
   }
 }
 

@@ -102,7 +102,7 @@ class Stepper {
           kept ? std::max(kKeptAccuracy * settings_.tolerance, kKeptRoundOff * round_off) : settings_.tolerance;
       const bool converged = norm <= std::min(wanted, settings_.tolerance);
       if (converged || exhausted) {
-        if (model_.switch_modes(next.state) && ++switches <= kMostSwitches) {
+        if (model_.switch_modes(next.state, 0.0) && ++switches <= kMostSwitches) {
           iteration = -1;
           renew = true;
           continue;

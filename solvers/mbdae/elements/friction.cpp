@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mbdae/elements/friction.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -10,6 +11,9 @@ namespace mbdae {
 
 namespace {
 double sign(double x) { return x < 0.0 ? -1.0 : 1.0; }
+
+constexpr double kCreeps = 100.0;  // times the speed of what is at rest, which still is
+constexpr double kSlack = 1e-9;    // of mu(0): how far beyond it |f| may be before a variable step lets go
 }  // namespace
 
 Friction::Point Friction::point(const State& state) const {
@@ -66,7 +70,7 @@ void Friction::assemble(const State& state, Equations& eq, bool tangent) const {
     by_y = -b.by_z;
     by_v = 1.0 - b.by_v;
   } else if (stuck_) {
-    eq.g(scalar_) -= at.v;
+    eq.g(scalar_) -= at.v - creep_;
     by_v = -1.0;
   } else {
     const double speed = std::abs(at.v);
@@ -109,29 +113,42 @@ ScalarInfo Friction::scalar() const {
   return {".bristle", "m", "bristle deflection", true};
 }
 
-bool Friction::switch_mode(const State& state) {
+void Friction::let_go(const Point& at, double still) {
+  stuck_ = false;
+  direction_ = sign(at.f);
+  least_ = still > 0.0 ? std::min(at.v * direction_, 0.0) - still : 0.0;
+}
+
+bool Friction::switch_mode(const State& state, double still) {
   if (!data_.coulomb) return false;
   const Point at = point(state);
   if (stuck_) {
-    if (!(std::abs(at.f) > data_.mu->value(0.0))) return false;
-    stuck_ = false;
-    direction_ = sign(at.f);
+    if (!(std::abs(at.f) > most(still > 0.0))) return false;
+    let_go(at, still);
     return true;
   }
-  if (at.v * direction_ >= 0.0) return false;
+  if (at.v * direction_ >= least_) return false;
   stuck_ = true;
+  creep_ = std::abs(at.v) <= kCreeps * still ? at.v : 0.0;
   return true;
 }
 
-void Friction::end_mode(const State& state) {
-  if (stuck_) direction_ = sign(state.y(scalar_));
-  stuck_ = !stuck_;
+void Friction::end_mode(const State& state, double still) {
+  const Point at = point(state);
+  if (stuck_) {
+    let_go(at, still);
+  } else {
+    stuck_ = true;
+    creep_ = at.v;
+  }
 }
+
+double Friction::most(bool slack) const { return data_.mu->value(0.0) * (slack ? 1.0 + kSlack : 1.0); }
 
 double Friction::mode_margin(const State& state) const {
   if (!data_.coulomb) return 1.0;
   const Point at = point(state);
-  return stuck_ ? data_.mu->value(0.0) - std::abs(at.f) : at.v * direction_;
+  return stuck_ ? most(true) - std::abs(at.f) : at.v * direction_ - least_;
 }
 
 bool Friction::ineffective(const State& state) const { return data_.coulomb && point(state).N == 0.0; }

@@ -13,7 +13,7 @@
 //     alpha = 0 if z and v have opposite signs or |z| <= kappa zs, 1 beyond zs = mu/sigma0, between them
 //             1/2 + 1/2 sin(pi (|z| - (1 + kappa) zs/2)/((1 - kappa) zs))
 //   discrete coulomb, coefficient f (algebraic):
-//     stuck:    0 = -v
+//     stuck:    0 = -v (with variable steps: v as sliding ended, 1e-9 m/s)
 //     sliding:  0 = sign mu(|v|) + sigma2 v - f
 //
 // Stuck turns to sliding when |f| would exceed mu(0), sliding to stuck when v changes sign; a model starts stuck.
@@ -54,15 +54,17 @@ class Friction {
 
   ScalarInfo scalar() const;
 
-  /// Takes the mode that the state asks for; true if it was another one.
-  bool switch_mode(const State& state);
+  /// Takes the mode that the state asks for; true if it was another one. What comes free slides in the direction of its
+  /// load, until it slides backwards by more than `still` [m/s], to which a variable step knows the speed of what is at
+  /// rest; 0 for a step that is repeated with the mode it asks for.
+  bool switch_mode(const State& state, double still);
 
   bool has_modes() const { return data_.coulomb; }
 
   /// Ends the mode: stuck turns to sliding in the direction that the load asks for, sliding to stuck.
-  void end_mode(const State& state);
+  void end_mode(const State& state, double still);
 
-  /// How far the state is from leaving its mode: changes sign there. Zero is never crossed by modlugre.
+  /// How far the state is from leaving its mode: positive before it. Zero is never crossed by modlugre.
   double mode_margin(const State& state) const;
 
   /// True if the coefficient has no effect at all at the state.
@@ -83,6 +85,8 @@ class Friction {
   };
   Point point(const State& state) const;
   Bristle bristle(double z, double v) const;
+  void let_go(const Point& at, double still);
+  double most(bool slack) const;  ///< |f| of what is stuck
 
   FrictionData data_;
   NodeSlot node1_, node2_;
@@ -90,6 +94,8 @@ class Friction {
   int force_, scalar_;
   bool stuck_ = true;
   double direction_ = 1.0;  // of sliding
+  double least_ = 0.0;      // speed in that direction at which sliding ends [m/s]
+  double creep_ = 0.0;      // speed at which it ended, kept while stuck, so that velocities do not jump [m/s]
 };
 
 namespace reading {

@@ -127,9 +127,11 @@ class Hinge final : public Constraint {
   bool reactions_first() const override { return true; }
   void accept(const State& state) override;
   SignalValue signal(int k, const State& state) const override;
-  bool switch_mode(const State& state) override { return friction_ && friction_->switch_mode(state); }
+  bool switch_mode(const State& state, double still) override {
+    return friction_ && friction_->switch_mode(state, still);
+  }
   bool has_modes() const override { return friction_ && friction_->has_modes(); }
-  void end_mode(const State& state) override { friction_->end_mode(state); }
+  void end_mode(const State& state, double still) override { friction_->end_mode(state, still); }
   double mode_margin(const State& state) const override { return friction_ ? friction_->mode_margin(state) : 1.0; }
   std::string defect_under_load(const State& state) const override;
 

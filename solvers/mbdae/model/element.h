@@ -155,14 +155,15 @@ class Element {
   virtual std::string defect_under_load(const State& /*state*/) const { return {}; }
 
   /// For elements with modes (stuck, sliding): takes the mode that the state asks for; true if it was another one.
-  virtual bool switch_mode(const State& /*state*/) { return false; }
+  /// `still` is the speed [m/s] to which that of something at rest is known.
+  virtual bool switch_mode(const State& /*state*/, double /*still*/) { return false; }
 
   virtual bool has_modes() const { return false; }
 
   /// Ends the mode: stuck turns to sliding, sliding to stuck.
-  virtual void end_mode(const State& /*state*/) {}
+  virtual void end_mode(const State& /*state*/, double /*still*/) {}
 
-  /// A number that changes its sign where the mode ends.
+  /// A number that falls through zero where the mode ends.
   virtual double mode_margin(const State& /*state*/) const { return 1.0; }
 };
 

@@ -225,9 +225,9 @@ void Model::accept(const State& state) {
   for (ConstraintEntry& entry : constraints_) entry.constraint->accept(state);
 }
 
-bool Model::switch_modes(const State& state) {
+bool Model::switch_modes(const State& state, double still) {
   bool switched = false;
-  for (ConstraintEntry& entry : constraints_) switched |= entry.constraint->switch_mode(state);
+  for (ConstraintEntry& entry : constraints_) switched |= entry.constraint->switch_mode(state, still);
   return switched;
 }
 

@@ -109,8 +109,9 @@ class Model {
   /// The state has been accepted: whole turns are counted from it.
   void accept(const State& state);
 
-  /// Elements with modes (stuck, sliding) take those that the state asks for; true if one of them was another.
-  bool switch_modes(const State& state);
+  /// Elements with modes (stuck, sliding) take those that the state asks for; true if one of them was another. `still`
+  /// is the speed [m/s] to which that of something at rest is known.
+  bool switch_modes(const State& state, double still);
 
   /// Those elements.
   std::vector<Element*> with_modes() const;
