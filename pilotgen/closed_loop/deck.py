@@ -299,16 +299,6 @@ def check_study(study: Study) -> None:
         )
 
 
-def check_integrator(study: Study, integrator: str) -> None:
-    """Refuse what an integrator cannot be trusted with; StudyError."""
-    friction = friction_of(study)
-    if integrator == "ida" and friction is not None and friction.model == "coulomb":
-        raise StudyError(
-            f"{study.path or study.name}: with inceptor.friction.model = coulomb the integrator ida may miss the "
-            "moment at which a stuck lever comes free; use ms, or the friction model lugre, with which both agree"
-        )
-
-
 def friction_of(study: Study) -> Friction | None:
     """Friction of a study's lever; None for none."""
     given = study.inceptor.friction

@@ -6,7 +6,7 @@ SPDX-License-Identifier: BSD-3-Clause
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,12 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @contextmanager
 def opened(
-    args: argparse.Namespace,
-    kind: str,
-    writes: Sequence[str],
-    two_way: bool = False,
-    unstable: str | None = None,
-    check: Callable[[Study], None] | None = None,
+    args: argparse.Namespace, kind: str, writes: Sequence[str], two_way: bool = False, unstable: str | None = None
 ) -> Iterator[Opened]:
     """Read the study of `add_arguments`, claim the directory, solve the pilot and close his loop.
 
@@ -76,8 +71,6 @@ def opened(
         Whether the pilot's reaction acts on the rotorcraft.
     unstable : str, optional
         What a loop that is unstable even when it is cut makes impossible; such a loop is refused.
-    check : callable, optional
-        Refuses studies that the command cannot do, by a StudyError.
 
     Raises
     ------
@@ -95,8 +88,6 @@ def opened(
 
     study, values = settings.read_pilot(args)
     check_study(study)
-    if check is not None:
-        check(study)
     if unstable is not None:
         refuse_unstable_rotorcraft(study, unstable)
     with (

@@ -77,7 +77,7 @@ def add_parser(commands: Any) -> None:
         "--integrator",
         choices=("ms", "ida"),
         default="ms",
-        help="ms: MBDyn's method at 1 ms; ida: variable step, not with friction of the model coulomb (default: ms)",
+        help="ms: MBDyn's method at 1 ms; ida: variable step (default: ms)",
     )
     parser.add_argument("--no-figures", action="store_true", help="do not draw figures")
     parser.set_defaults(run=run)
@@ -86,7 +86,6 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Integrate, fit, write, print."""
     from pilotgen.closed_loop.animation import write_animation
-    from pilotgen.closed_loop.deck import check_integrator
     from pilotgen.closed_loop.poles import open_loop_note
     from pilotgen.closed_loop.reach import check_kick, check_reach
     from pilotgen.closed_loop.simulate import KICKS, kicked, onset, report_text
@@ -117,12 +116,7 @@ def run(args: argparse.Namespace) -> int:
         of = "a root mean square" if args.kick == "turbulence" or args.kicks is not None else "a kick"
         raise StudyError(f"--size {size:g}: {of} {least} is wanted")
     with closed_loop.opened(
-        args,
-        "simulate",
-        WRITES,
-        args.two_way,
-        None if args.kicks is None else NO_CHANCE,
-        lambda study: None if args.linear else check_integrator(study, args.integrator),
+        args, "simulate", WRITES, args.two_way, None if args.kicks is None else NO_CHANCE
     ) as opened:
         study, context, directory, loop = opened.study, opened.context, opened.directory, opened.loop
         check_kick(loop, args.kick, size)

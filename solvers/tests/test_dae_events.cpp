@@ -303,3 +303,74 @@ TEST_CASE("states are met at jumps and at later times like motions") {
   CHECK(models[1].y(12) == Approx(0.25 + 1.5 * 0.297).epsilon(1e-8));
   CHECK(models[1].nodes[0].v(0) == Approx(1.5 * 0.297).epsilon(1e-8));
 }
+
+namespace {
+
+constexpr double kInertia = 0.05, kTurning = 2.0 * 3.14159265358979323846;  // [kg m^2], of the load [rad/s]
+constexpr double kFriction = 0.75;                                          // [N m]
+
+/// A hinge with Coulomb friction under the couple A sin(w t): speed [rad/s] at times, piece by piece in closed form.
+/// From t1 on it slides with J omega = A/w (cos(w t1) - cos(w t)) - d M (t - t1), until that is zero.
+std::vector<double> sliding_speeds(double A, const std::vector<double>& times, int* stops) {
+  std::vector<double> out(times.size(), 0.0);
+  *stops = 0;
+  const double period = 2.0 * std::acos(-1.0) / kTurning, release = std::asin(kFriction / A) / kTurning;
+  double t1 = release;
+  while (t1 < times.back()) {
+    const double d = std::sin(kTurning * t1) > 0.0 ? 1.0 : -1.0;
+    const auto momentum = [&](double t) {
+      return d * A / kTurning * (std::cos(kTurning * t1) - std::cos(kTurning * t)) - kFriction * (t - t1);
+    };
+    double low = t1 + 1e-3, high = low;
+    while (momentum(high) > 0.0) high += 1e-3;
+    low = high - 1e-3;
+    for (int i = 0; i < 60; ++i) (momentum(0.5 * (low + high)) > 0.0 ? low : high) = 0.5 * (low + high);
+    const double t2 = high;
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      if (times[k] > t1 && times[k] < t2) out[k] = d * momentum(times[k]) / kInertia;
+    }
+    t1 = t2;
+    if (std::abs(A * std::sin(kTurning * t2)) > kFriction) continue;  // turns back at once
+    ++*stops;
+    const double half = 0.5 * period;  // the load reaches the friction in every half period
+    t1 = std::floor(t2 / half) * half + release;
+    if (t1 < t2) t1 += half;
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("a hinge with Coulomb friction sticks, comes free and turns back as its load says") {
+  for (const double A : {0.9, 1.1, 1.4, 3.0}) {
+    INFO("amplitude of the load " << A << " N m");
+    deck_test::DeckText text;
+    text.initial = "initial time: 0.; final time: 4.; time step: 0.002; method: ms, 0.6; tolerance: 1.e-9;\n";
+    text.globals = "scalar function: \"mu\", const, 0.15;\n";
+    text.nodes = "structural: 100, static, null, eye, null, null;\nstructural: 1, dynamic, null, eye, null, null;\n";
+    text.elements =
+        "joint: 100, clamp, 100, node, node;\nbody: 1, 1, 1., null, diag, 0.05, 0.05, 0.05;\n"
+        "joint: 1, revolute hinge, 100, position, null, 1, position, null, friction, 0.05, preload, 100., "
+        "discrete coulomb, \"mu\", simple;\ncouple: 1, absolute, 1, 0., 0., 1., sine, 0., 2*pi, " +
+        std::to_string(A) + ", forever, 0.;\n";
+    const Deck deck = deck_test::read_good(text);
+    for (const bool by_ida : {true, false}) {
+      INFO((by_ida ? "ida" : "ms"));
+      IntegrateOptions options;
+      options.integrator = by_ida ? "ida" : "ms";
+      const Motion motion = integrate(deck, options);
+      const auto speed = static_cast<Eigen::Index>(channel(motion, "node 1.wz"));
+      const std::vector<double> times(motion.time.data(), motion.time.data() + motion.time.size());
+      int stops = 0;
+      const std::vector<double> expected = sliding_speeds(A, times, &stops);
+      CHECK((stops > 0) == (A < 1.3));
+      double off = 0.0, most = 0.0;
+      for (std::size_t k = 0; k < times.size(); ++k) {
+        off = std::max(off, std::abs(motion.data(static_cast<Eigen::Index>(k), speed) - expected[k]));
+        most = std::max(most, std::abs(expected[k]));
+      }
+      CHECK(most > 0.1);
+      CHECK(off < (by_ida ? 1e-6 : 5e-3) * most);
+    }
+  }
+}

@@ -100,23 +100,6 @@ def test_what_an_unstable_rotorcraft_does_is_told_as_its_own(
     assert json.loads(Path("loop/loop.json").read_text())["unstable_open_loop_poles"] == 2
 
 
-def test_coulomb_friction_and_the_integrator_that_may_miss_its_end(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    # a pull of 50 mm left a lever with 3 N stuck for ever by ida, where ms and the lugre model of both have it move
-    arguments = [
-        "simulate",
-        str(QUICK.with_name("puma-friction.yaml")),
-        "-o",
-        str(tmp_path / "out"),
-        "--integrator",
-        "ida",
-    ]
-    assert main(arguments) == 1
-    told = capsys.readouterr().err
-    assert "use ms, or the friction model lugre" in told and told.count("\n") == 1 and not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize(
     ("settings", "wanted"),
     [

@@ -75,6 +75,22 @@ def test_both_integrators(context: EvaluationContext) -> None:
     assert np.abs(by[0].travel - by[1].travel).max() < 2e-3 * np.abs(by[1].travel).max()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_both_integrators_with_coulomb_friction(sign: float, context: EvaluationContext) -> None:
+    """A pull that lets the lever stick, come free and turn back."""
+    loop = closed(context, gearing=2.5)
+    coulomb = Friction(3.0, 3.0, 0.02, 0.0, 2e-4)
+    pull = disturbance("pull", sign * 0.05)
+    by = [
+        simulate(context, loop, pull, 0.9, friction=coulomb, integrator=integrator, step_s=h)
+        for integrator, h in (("ida", 1e-3), ("ms", 1e-3), ("ms", 5e-4))
+    ]
+    exact, swing = by[0].travel, np.abs(by[0].travel).max()
+    assert swing > 0.02
+    off = [np.abs(by[1].travel - exact).max() / swing, np.abs(by[2].travel[::2] - exact).max() / swing]
+    assert off[0] < 4e-3 and off[1] < 0.7 * off[0], off
+
+
 def test_friction_holds_small_kicks_only(context: EvaluationContext) -> None:
     loop = closed(context, gearing=3.0)
     coulomb = Friction(5.0, 5.0, 0.02, 0.0, 2e-4)

@@ -238,9 +238,10 @@ Motion integrate_ida(Model& model, const State& state, const InitialValueData& s
       if (flag == IDA_ROOT_RETURN) {  // an element ends its mode: begin again in the next one
         if (++ends > kMostEnds) fail();
         const std::vector<int> ended = ida.ended();
-        equations.output(ida.t(), ida.y(), ida.ydot());
-        equations.end_modes(ended);
         started = ida.t();
+        equations.state_of(started, ida.y(), ida.ydot());
+        equations.settle(started);
+        equations.end_modes(ended);
         ida.start(started);
         continue;
       }

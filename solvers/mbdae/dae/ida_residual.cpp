@@ -4,6 +4,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "mbdae/dae/consistency.h"
 #include "mbdae/dae/ida_equations.h"
 #include "mbdae/dae/linear_algebra.h"
 #include "mbdae/dae/quaternion_rates.h"
@@ -37,7 +38,14 @@ int IdaEquations::jacobian(double t, double cj, N_Vector yy, N_Vector yp, N_Vect
 
 int IdaEquations::mode_margins(double t, N_Vector yy, N_Vector yp, realtype* margins, void* self) {
   auto& s = *static_cast<IdaEquations*>(self);
-  const State& state = s.state_of(t, s.view(yy), s.view(yp));
+  State state = s.state_of(t, s.view(yy), s.view(yp));
+  bool loads = false;
+  for (const Element* element : s.with_modes_) loads |= element->margin_reads_load();
+  try {
+    if (loads) solve_accelerations(s.model_, state);
+  } catch (const ModelError&) {
+    return 1;
+  }
   for (std::size_t k = 0; k < s.with_modes_.size(); ++k) margins[k] = s.with_modes_[k]->mode_margin(state);
   return 0;
 }

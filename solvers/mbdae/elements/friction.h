@@ -67,6 +67,8 @@ class Friction {
   /// How far the state is from leaving its mode: positive before it. Zero is never crossed by modlugre.
   double mode_margin(const State& state) const;
 
+  bool margin_reads_load() const { return data_.coulomb && stuck_; }
+
   /// True if the coefficient has no effect at all at the state.
   bool ineffective(const State& state) const;
 

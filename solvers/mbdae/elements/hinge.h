@@ -132,6 +132,7 @@ class Hinge final : public Constraint {
   }
   bool has_modes() const override { return friction_ && friction_->has_modes(); }
   void end_mode(const State& state, double still) override { friction_->end_mode(state, still); }
+  bool margin_reads_load() const override { return friction_ && friction_->margin_reads_load(); }
   double mode_margin(const State& state) const override { return friction_ ? friction_->mode_margin(state) : 1.0; }
   std::string defect_under_load(const State& state) const override;
 

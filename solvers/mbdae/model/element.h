@@ -165,6 +165,9 @@ class Element {
 
   /// A number that falls through zero where the mode ends.
   virtual double mode_margin(const State& /*state*/) const { return 1.0; }
+
+  /// Whether that number reads a load, which IDA knows at its steps alone, and not between them.
+  virtual bool margin_reads_load() const { return false; }
 };
 
 /// A muscle: inner values, and what its activation does.
