@@ -25,7 +25,7 @@ constexpr double kMultiplierTolerance = 0.1;
 constexpr double kSmallerPart = 0.3;  // of what the constraints left out had in the dependencies: choose again below it
 constexpr int kMostPasses = 10;       // of putting an instant back on the constraints
 constexpr int kMostSwitches = 8;      // of modes at one instant
-constexpr double kStill = 1e-9;          // speed to which that of something at rest is known [m/s]
+constexpr double kStill = 1e-9;       // speed to which that of something at rest is known [m/s]
 
 // Relative size of a constraint's independent part below which it is redundant. Where a closed chain cannot quite
 // close, what would be redundant is nearly so.
