@@ -48,7 +48,9 @@ def add_command(
     parser.add_argument("-V", "--version", action="version", version=f"pilotgen {__version__}")
     parser.add_argument("--json", action="store_true", help=json_help)
     parser.add_argument(
-        "--quiet", action="store_true", help="no progress line; commands without one print no text but errors and notes"
+        "--quiet",
+        action="store_true",
+        help="no progress line; other commands than runs over many pilots print no text but errors and notes",
     )
     return parser
 
