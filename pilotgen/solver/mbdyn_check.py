@@ -125,7 +125,13 @@ def check_mbdyn(deck: str | os.PathLike[str], client: SolverClient, timeout_s: f
 
 
 def predict(deck: str, cards: PhaseCards, matrices: Matrices) -> Prediction:
-    """The prediction from mbdae's matrices of the deck at its initial state."""
+    """The prediction from mbdae's matrices of the deck at its initial state.
+
+    Raises
+    ------
+    FileError
+        The derivatives phase has to iterate, and the deck does not say how often it may.
+    """
     reaction = matrices.kinds == b"reaction"
     phi = matrices.residual[reaction]
     worst = float(np.max(np.abs(phi), initial=0.0))
