@@ -130,6 +130,9 @@ class Ida {
       throw NotConverged(stopped + (where.empty() ? "just after it the equations have no finite value" : where) + "; " +
                          kLookForNoNumber);
     }
+    if (flag == IDA_RTFUNC_FAIL && !equations_.load_failure().empty()) {
+      throw NotConverged(stopped + equations_.load_failure());
+    }
     if (!absurd.empty()) throw NotConverged(stopped + absurd);
     if (where.empty()) {
       const std::string soon = equations_.absurd_force(t_ + kAhead * settings_.time_step, y(), ydot());

@@ -75,6 +75,9 @@ class IdaEquations {
   /// What contradicts what at time t, were the present state to go there; empty if nothing does.
   std::string contradiction_at(double t) { return contradiction(model_, state_, std::clamp(t, from_, to_)); }
 
+  /// Why loads of elements with modes could not be solved for; empty if they could.
+  const std::string& load_failure() const { return load_failure_; }
+
   // IDA's callbacks; the last argument is this object.
   static int residual(double t, N_Vector yy, N_Vector yp, N_Vector rr, void* self);
   static int jacobian(double t, double cj, N_Vector yy, N_Vector yp, N_Vector rr, SUNMatrix J, void* self, N_Vector,
@@ -122,6 +125,7 @@ class IdaEquations {
   Equations eq_;
   ConstraintRates rates_;
   std::vector<Element*> with_modes_;
+  std::string load_failure_;
   // Of scalars and reactions, one after the other:
   std::vector<Level> level_;
   std::vector<bool> kept_;         // has a multiplier mu

@@ -43,7 +43,8 @@ int IdaEquations::mode_margins(double t, N_Vector yy, N_Vector yp, realtype* mar
   for (const Element* element : s.with_modes_) loads |= element->margin_reads_load();
   try {
     if (loads) solve_accelerations(s.model_, state);
-  } catch (const ModelError&) {
+  } catch (const ModelError& error) {
+    s.load_failure_ = error.what();
     return 1;
   }
   for (std::size_t k = 0; k < s.with_modes_.size(); ++k) margins[k] = s.with_modes_[k]->mode_margin(state);

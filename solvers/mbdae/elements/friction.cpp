@@ -12,7 +12,7 @@ namespace mbdae {
 namespace {
 double sign(double x) { return x < 0.0 ? -1.0 : 1.0; }
 
-constexpr double kCreeps = 100.0;  // times the speed of what is at rest, which still is
+constexpr double kCreeps = 100.0;  // times `still`: a speed that is kept as v0 when sliding ends
 constexpr double kSlack = 1e-9;    // of mu(0): how far beyond it |f| may be before a variable step lets go
 }  // namespace
 

@@ -13,7 +13,7 @@
 //     alpha = 0 if z and v have opposite signs or |z| <= kappa zs, 1 beyond zs = mu/sigma0, between them
 //             1/2 + 1/2 sin(pi (|z| - (1 + kappa) zs/2)/((1 - kappa) zs))
 //   discrete coulomb, coefficient f (algebraic):
-//     stuck:    0 = -v (with variable steps: v as sliding ended, 1e-9 m/s)
+//     stuck:    0 = -(v - v0), v0 = 0; with variable steps v0 is the speed at which sliding ended, some 1e-9 m/s
 //     sliding:  0 = sign mu(|v|) + sigma2 v - f
 //
 // Stuck turns to sliding when |f| would exceed mu(0), sliding to stuck when v changes sign; a model starts stuck.
@@ -61,12 +61,13 @@ class Friction {
 
   bool has_modes() const { return data_.coulomb; }
 
-  /// Ends the mode: stuck turns to sliding in the direction that the load asks for, sliding to stuck.
+  /// Ends the mode: stuck turns to sliding in the direction that the load asks for, sliding to stuck. `still` as above.
   void end_mode(const State& state, double still);
 
   /// How far the state is from leaving its mode: positive before it. Zero is never crossed by modlugre.
   double mode_margin(const State& state) const;
 
+  /// Whether that is the margin of a stuck hinge, which reads its load.
   bool margin_reads_load() const { return data_.coulomb && stuck_; }
 
   /// True if the coefficient has no effect at all at the state.
@@ -97,7 +98,7 @@ class Friction {
   bool stuck_ = true;
   double direction_ = 1.0;  // of sliding
   double least_ = 0.0;      // speed in that direction at which sliding ends [m/s]
-  double creep_ = 0.0;      // speed at which it ended, kept while stuck, so that velocities do not jump [m/s]
+  double creep_ = 0.0;      // v0: kept while stuck, so that velocities do not jump [m/s]
 };
 
 namespace reading {

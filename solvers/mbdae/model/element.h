@@ -160,7 +160,7 @@ class Element {
 
   virtual bool has_modes() const { return false; }
 
-  /// Ends the mode: stuck turns to sliding, sliding to stuck.
+  /// Ends the mode: stuck turns to sliding, sliding to stuck. `still` as above.
   virtual void end_mode(const State& /*state*/, double /*still*/) {}
 
   /// A number that falls through zero where the mode ends.
