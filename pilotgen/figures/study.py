@@ -15,7 +15,7 @@ import numpy as np
 
 from pilotgen.figures import style
 from pilotgen.figures.style import BLACK, BLUE, GREY, LIGHT_GREY, VERMILLION, MarginScale, quantity
-from pilotgen.objectives import GAIN_MARGIN, MODULUS_MARGIN, OBJECTIVES, PHASE_MARGIN, Quantile, quantiles
+from pilotgen.objectives import GAIN_MARGIN, MODULUS_MARGIN, OBJECTIVES, PHASE_MARGIN, quantiles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,17 +58,12 @@ def shown_margins(results: StudyResults) -> tuple[str, str]:
     return GAIN_MARGIN.key, PHASE_MARGIN.key if np.isfinite(phase).any() else INSTEAD.key
 
 
-def searched(results: StudyResults) -> tuple[Quantile, ...]:
-    """Quantiles over draws that a robust search minimised."""
-    return tuple(row for row in quantiles(results.objective_names) if row.key in results.columns)
-
-
 def plane_of(results: StudyResults) -> tuple[str, str]:
     """The two columns that the objective plane is drawn over: as `shown_margins`, or the quantiles of a robust search.
 
     Beside a single quantile stands what else was minimised, or its margin as the study has the pilot.
     """
-    robust = searched(results)
+    robust = results.searched_quantiles
     if not robust:
         return shown_margins(results)
     others = [*(row.key for row in robust[1:]), *(key for key in results.objective_names if key in OBJECTIVES)]
@@ -87,7 +82,7 @@ class _Colors:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        self.key = next((row.key for row in searched(results)), GAIN_MARGIN.key)
+        self.key = next((row.key for row in results.searched_quantiles), GAIN_MARGIN.key)
         self.values = results.columns[self.key]
         self.limit = _limit(limits, self.key)
         finite = self.values[np.isfinite(self.values)]

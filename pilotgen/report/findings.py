@@ -16,7 +16,7 @@ import numpy as np
 
 from pilotgen.figures.study import Curve
 from pilotgen.figures.style import quantity, typeset
-from pilotgen.objectives import MARGINS, OBJECTIVES, Objective, Quantile, objective, quantiles
+from pilotgen.objectives import MARGINS, OBJECTIVES, Objective, Quantile, objective
 from pilotgen.population.region import Region, rarity_text, region_of
 from pilotgen.runs.results import DISTANCE, StudyResults
 from pilotgen.study.study import Study
@@ -34,7 +34,7 @@ def worst_order(results: StudyResults) -> np.ndarray:
     """
     columns = results.columns
     ok = np.flatnonzero(columns["status"] == "ok")
-    robust = bool(searched_quantiles(results))
+    robust = bool(results.searched_quantiles)
     rows = [objective(key) for key in results.objective_names] if robust else MARGINS
     capped = np.sum([np.clip(columns[row.key][ok], -row.cap, row.cap) for row in rows], axis=0)
     front = columns["rank"][ok] if "rank" in columns else np.zeros(len(ok), dtype=np.int64)
@@ -42,14 +42,9 @@ def worst_order(results: StudyResults) -> np.ndarray:
     return order
 
 
-def searched_quantiles(results: StudyResults) -> tuple[Quantile, ...]:
-    """Quantiles over draws that the study searched for; none of a study that takes each pilot as it has him."""
-    return tuple(row for row in quantiles(results.objective_names) if row.key in results.columns)
-
-
 def robust_verdict(study: Study, results: StudyResults, worst: int) -> str:
     """What was searched for in a robust study: the worst pilot's quantiles; empty for others."""
-    rows = searched_quantiles(results)
+    rows = results.searched_quantiles
     if not rows:
         return ""
     told = " and ".join(f"{row.label}, {typeset(row.text(float(results.columns[row.key][worst])))}" for row in rows)
@@ -127,7 +122,7 @@ def verdict(results: StudyResults, worst: int, rotorcraft: str, control: str = "
 def how_far(results: StudyResults, worst: int, limits: Mapping[str, float | None]) -> list[str]:
     """How far the worst pilot is from the study's limits, and how many pilots miss them."""
     sentences = []
-    robust = searched_quantiles(results)
+    robust = results.searched_quantiles
     for row in (*robust, *OBJECTIVES.values()):
         wanted = limits.get(_limited(row))
         if wanted is None:
@@ -154,7 +149,7 @@ def _shares(results: StudyResults, limits: Mapping[str, float | None]) -> list[s
     rows = rows[columns["status"][rows] == "ok"]
     if not len(rows):
         return []
-    robust = searched_quantiles(results)
+    robust = results.searched_quantiles
     counts = [
         f"{int((columns[row.key][rows] < limit).sum())} have {f'a {row.label} of ' if row in robust else ''}"
         f"{'nominally ' if robust and row not in robust else ''}less than {typeset(row.text(limit))}"
@@ -177,7 +172,7 @@ def pilots_below_limits(results: StudyResults, limits: Mapping[str, float | None
     columns = results.columns
     unstable = int((columns["stable"] == 0).sum())
     found = [f"{unstable} of {len(columns['stable'])} pilots make the closed loop unstable"] if unstable else []
-    robust = searched_quantiles(results)
+    robust = results.searched_quantiles
     for row in (*robust, *(OBJECTIVES[key] for key in limits)):
         limit = limits.get(_limited(row))
         if limit is None:

@@ -209,7 +209,7 @@ def _pictures(
 
 
 def _plane_caption(results: StudyResults) -> str:
-    robust = findings.searched_quantiles(results)
+    robust = results.searched_quantiles
     if robust:
         across, up = (quantity(name).name for name in study_figures.plane_of(results))
         return f"Across: the {across}, over draws of what is not known of a pilot; up: the {up}."
@@ -225,7 +225,7 @@ def _plane_caption(results: StudyResults) -> str:
 
 
 def _curves_caption(results: StudyResults, with_curves: bool) -> str:
-    robust = findings.searched_quantiles(results)
+    robust = results.searched_quantiles
     dots = (
         "Blue: the first population, which covers the box evenly; grey: later pilots, which the search drew from where "
         "margins are small"
@@ -315,7 +315,7 @@ def _worst_table(results: StudyResults, order: np.ndarray, solver: str) -> dict[
     chosen = findings.distinct(results, order, TABLE_ROWS)
     derived = [name for name in DERIVED if name not in results.names and np.isfinite(columns[name][chosen]).any()]
     heads = [quantity(name).axis for name in results.names] + [DERIVED[name][0] for name in derived]
-    robust = findings.searched_quantiles(results)
+    robust = results.searched_quantiles
     heads += [row.heading for row in robust]
     for row in OBJECTIVES.values():
         heads += [f"nominal {row.heading}" if robust else row.heading] + (["at [Hz]"] if row in MARGINS else [])

@@ -25,7 +25,6 @@ from pilotgen.linear.statespace import series
 from pilotgen.loop.rotorcraft_model import Chained, measured_part, rotorcraft_model
 from pilotgen.objectives import OBJECTIVES, Quantile
 from pilotgen.posture.posture import ANGLE_NAMES
-from pilotgen.report.findings import searched_quantiles
 from pilotgen.report.packing import embedded, pack_short, pack_text, pack_wide
 from pilotgen.report.skeleton import skeleton_of
 from pilotgen.runs.results import Row, StudyResults, columns_of
@@ -178,7 +177,7 @@ def _with_nominal(study: Study, results: StudyResults, nominal: Evaluation | Non
     own = {name: float(nominal.values.get(name, _standing(study, name))) for name in results.names}
     objectives = np.full((1, results.columns["objectives"].shape[1]), np.nan)
     more = columns_of([Row(0, 0, own, nominal.result)], results.names, objectives, None)
-    more |= {row.key: np.array([np.nan]) for row in searched_quantiles(results)}  # nobody draws the nominal pilot
+    more |= {row.key: np.array([np.nan]) for row in results.searched_quantiles}  # nobody draws the nominal pilot
     return {
         name: np.concatenate([column, more[name]])
         for name, column in results.columns.items()
@@ -206,7 +205,7 @@ def _columns(study: Study, results: StudyResults, columns: Mapping[str, np.ndarr
         box = [float(results.lower[j]), float(results.upper[j])]
         digits = _DERIVED[name][2] if name in _DERIVED else 4
         add(name, told.name, told.unit, digits, "variable", columns["inputs"][:, j], box=box)
-    robust = searched_quantiles(results)
+    robust = results.searched_quantiles
     for one in robust:
         limit = study.limits.get(one.base)
         values = columns[one.key]
@@ -227,7 +226,7 @@ def _columns(study: Study, results: StudyResults, columns: Mapping[str, np.ndarr
 
 def _plane(results: StudyResults) -> list[str] | None:
     """The two columns that the page is about where a search was robust; None: gain and phase margin."""
-    keys = {row.key: _robust_key(row) for row in searched_quantiles(results)}
+    keys = {row.key: _robust_key(row) for row in results.searched_quantiles}
     return [keys.get(key, key) for key in plane_of(results)] if keys else None
 
 

@@ -61,7 +61,7 @@ def story(
         for row in OBJECTIVES.values()
         if row is not gain and row.key in columns
     ]
-    robust = findings.searched_quantiles(results)
+    robust = results.searched_quantiles
     answer = f"gain margin {findings.margin_words(gain.key, value)}"
     if robust:
         lines = [f"nominal {line}" for line in (answer, *lines)]
@@ -98,7 +98,7 @@ def _how_sure(results: StudyResults, worst: int, repeated: Repeated | None, othe
     if repeated is not None:
         again = repeated.same and isinstance(repeated.worst, Evaluation)
         lines.append("evaluated again, he has the same margins" if again else "evaluated again, he is NOT the same")
-    robust = findings.searched_quantiles(results)
+    robust = results.searched_quantiles
     if robust:
         lines.append("what is not known of him is in the quantile: he was searched for by it")
     elif not told:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pilotgen.hdf5 import NewFile, opened, text
-from pilotgen.objectives import OBJECTIVES, ROBUST, Objective
+from pilotgen.objectives import OBJECTIVES, ROBUST, Objective, Quantile, quantiles
 from pilotgen.posture.posture import ANGLE_NAMES
 from pilotgen.study.schema import study_unit
 
@@ -100,6 +100,11 @@ class StudyResults:
     columns: dict[str, np.ndarray]
     members: np.ndarray  # (g, N); empty for samples
     front: np.ndarray
+
+    @property
+    def searched_quantiles(self) -> tuple[Quantile, ...]:
+        """Quantiles over draws that were searched for; none of a study that takes each pilot as it has him."""
+        return tuple(row for row in quantiles(self.objective_names) if row.key in self.columns)
 
 
 def _number(result: Mapping[str, Any], column: Column) -> float:
