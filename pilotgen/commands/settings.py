@@ -11,11 +11,10 @@ from typing import Any
 
 from pilotgen.commands import common
 from pilotgen.errors import StudyError
+from pilotgen.runs.changes import ROBUST_KINDS
 from pilotgen.study.schema import SCHEMA, locate, study_unit
 from pilotgen.study.settings import apply_settings, changed_study, refuse_idle
 from pilotgen.study.study import Study, read_study
-
-ROBUST_KINDS = ("search", "sample")  # of runs that evaluate draws for a robust objective
 
 ONE_PILOT = (
     "anything this pilot has other than the study says: biometrics by name, all other numbers and words by their path, "

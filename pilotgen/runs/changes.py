@@ -19,6 +19,7 @@ from pilotgen.study.study import Study, study_from_text
 from pilotgen.study.wording import shown
 
 UNCERTAIN = "uncertain"  # the kind of a run of draws of one pilot
+ROBUST_KINDS = ("search", "sample")  # of runs that evaluate draws of every pilot where an objective is robust
 SHAPES = ("variables", "objectives")  # of study.h5, whatever the kind of run
 COURSE = ("algorithm", "population", "mutation_probability", "within")  # of a search
 FREE = ("seed", "generations", "stop_rank_one_fraction", "stop_unchanged_generations")

@@ -22,7 +22,7 @@ from pilotgen.objectives import OBJECTIVES
 from pilotgen.output import STUDY_NAME
 from pilotgen.progress_line import counted
 from pilotgen.runs.batch import RESULTS_NAME, Batch, OnProgress, Progress, as_result
-from pilotgen.runs.changes import UNCERTAIN, refuse_changes
+from pilotgen.runs.changes import ROBUST_KINDS, UNCERTAIN, refuse_changes
 from pilotgen.runs.executor import ProcessWorkers, Workers
 from pilotgen.runs.fingerprint import fingerprint, solver_version
 from pilotgen.runs.journal import JOURNAL_NAME, Journal
@@ -31,8 +31,6 @@ from pilotgen.runs.results import read_results
 from pilotgen.runs.task import Task, run_task
 from pilotgen.study.study import Study
 from pilotgen.terminal import Interrupted
-
-ROBUST_KINDS = ("search", "sample")  # of runs that rank pilots by the search's objectives
 
 Say = Callable[[str], None]  # of one sentence
 
